@@ -13,6 +13,8 @@ pub struct Report {
     pub arrays: Vec<ArrayInfo>,
     /// The array that was read, in the syntax of [`ReadOptions::array`](crate::io::ReadOptions::array).
     pub shown: Option<String>,
+    /// The range of the file's finite values, where those of the data were computed from them: resampled, or of cells that were cut.
+    pub file_range: Option<[f64; 2]>,
     /// Changes made to the data.
     pub notes: Vec<String>,
     /// Assumptions and ignored contents that may make the result wrong.

@@ -67,7 +67,7 @@ impl Samples {
 
     /// Returns the range of finite values, the number of NaN and the number of infinities. Without finite
     /// values the range is empty.
-    pub(super) fn statistics(&self) -> ([f64; 2], usize, usize) {
+    pub(crate) fn statistics(&self) -> ([f64; 2], usize, usize) {
         fn integers<T: Copy + Ord>(values: &[T]) -> [f64; 2]
         where
             f64: From<T>,

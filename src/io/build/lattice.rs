@@ -98,6 +98,7 @@ pub(crate) fn build(mut origin: Origin, dims: [u32; 3], places: Places) -> Resul
     }
 
     let located = |error: Error| error.in_file(source.path());
+    let mut file_range = None;
     let grid = match places {
         Places::Even { origin, spacing, direction } => {
             Grid::new(dims, samples).and_then(|grid| grid.with_placement(spacing, origin, direction))
@@ -105,13 +106,16 @@ pub(crate) fn build(mut origin: Origin, dims: [u32; 3], places: Places) -> Resul
         Places::Listed(coordinates) => {
             let even = evenly(source, "coordinates", dims, samples, coordinates, origin.budget)?;
             notes.extend(even.note);
+            file_range = even.range;
             Grid::new(even.dims, even.samples).and_then(|grid| {
                 grid.with_placement(even.steps.abs(), even.origin, DMat3::from_diagonal(even.steps.signum()))
             })
         }
     }
     .map_err(located)?;
-    Ok(origin.loaded(Data::Grid(grid), chosen, notes))
+    let mut loaded = origin.loaded(Data::Grid(grid), chosen, notes);
+    loaded.report.file_range = file_range;
+    Ok(loaded)
 }
 
 /// Returns the lattice of the cell centres.

@@ -14,7 +14,7 @@ use crate::io::file::budget::Budget;
 use crate::io::file::source::Source;
 use crate::io::report::Loaded;
 use crate::num;
-use crate::scene::{CellKind, Data, Orientation, TetScalars, Tets};
+use crate::scene::{CellKind, Data, Orientation, Samples, TetScalars, Tets};
 
 /// VTK's flags of ghost cells: duplicate of a cell in another piece, or hidden.
 const DUPLICATE_OR_HIDDEN: u8 = 1 | 32;
@@ -68,6 +68,9 @@ fn mesh(dataset: Dataset, counts: &Counts, mut origin: Origin) -> Result<Loaded>
         return Err(source.error(format!("array {}", origin.arrays[index]), rule));
     }
 
+    let values = Samples::F32(values);
+    let ([low, high], ..) = values.statistics();
+    let values = values.into_f32();
     let mut cutter = Cutter::new(source, dataset, counts, association, values, origin.budget)?;
     cutter.cut_all(ghosts.as_deref())?;
     cutter.describe(&mut notes, &mut warnings);
@@ -90,6 +93,7 @@ fn mesh(dataset: Dataset, counts: &Counts, mut origin: Origin) -> Result<Loaded>
     }
     let mut loaded = origin.loaded(Data::Mesh(mesh), chosen, notes);
     loaded.report.warnings.splice(0..0, warnings);
+    loaded.report.file_range = (low <= high).then_some([low, high]);
     Ok(loaded)
 }
 
@@ -176,15 +180,22 @@ impl<'a> Cutter<'a> {
         let Self { source, data: Dataset { points, nodes, .. }, ranks, values, tets, .. } = self;
         let own = &nodes[own];
         let before = tets.len();
-        let mut centre = 0;
+        let (mut centre, mut overshoot) = (0, false);
         if let Some(weights) = kind.centre() {
             let index = u32::try_from(points.len()).ok().filter(|&index| index < u32::MAX);
             centre = index.ok_or_else(|| source.error("cells", "more points than 32 bits can count"))?;
             let pairs = || own.iter().map(|&node| num::index(node)).zip(weights);
             points.push(pairs().map(|(node, weight)| points[node] * *weight).sum());
             if self.association == Association::Point {
-                let value: f64 = pairs().map(|(node, weight)| f64::from(values[node]) * weight).sum();
-                values.push(num::f32_of(value));
+                // The function of the cell may overshoot the values of its nodes, which are those of the file.
+                let value = num::f32_of(pairs().map(|(node, weight)| f64::from(values[node]) * weight).sum());
+                let within = |limit: fn(f32, f32) -> f32| pairs().map(|(node, _)| values[node]).reduce(limit);
+                let kept = match (within(f32::min), within(f32::max)) {
+                    (Some(low), Some(high)) if !value.is_nan() => value.max(low).min(high),
+                    _ => value,
+                };
+                overshoot = kept < value || kept > value;
+                values.push(kept);
             }
         }
         let at = |node: u32| points[num::index(node)];
@@ -194,6 +205,7 @@ impl<'a> Cutter<'a> {
         kind.cut(own, centre, |node| ranks[num::index(node)], closer, |tet| tets.push(tet));
         let made = self.made.entry(number).or_default();
         made.cells += 1;
+        made.overshoots += usize::from(overshoot);
         made.tets += tets.len() - before;
         if kind != CellKind::Tetrahedron {
             made.turn(points, &mut tets[before..]);
@@ -206,12 +218,17 @@ impl<'a> Cutter<'a> {
 
     /// Reports what was cut, turned and left out.
     fn describe(&self, notes: &mut Vec<String>, warnings: &mut Vec<String>) {
-        for (&number, &Made { cells, tets, inside_out, twisted }) in &self.made {
+        for (&number, &Made { cells, tets, inside_out, twisted, overshoots }) in &self.made {
             let Some(kind) = CellKind::of_vtk(number).filter(|&kind| kind != CellKind::Tetrahedron) else {
                 continue;
             };
             let name = kind.name();
             notes.push(format!("{cells} {name} became {tets} tetrahedra"));
+            if overshoots > 0 {
+                notes.push(format!(
+                    "{overshoots} {name} overshoot the values of their nodes at their centres, which keep within these"
+                ));
+            }
             // Programs disagree about the orientation of wedges.
             if inside_out > 0 && !matches!(kind, CellKind::Wedge | CellKind::QuadraticWedge) {
                 notes.push(format!("{inside_out} {name} were inside out and were reoriented"));
@@ -233,6 +250,8 @@ struct Made {
     tets: usize,
     inside_out: usize,
     twisted: usize,
+    /// Cells whose function goes beyond the values of their nodes at the centre.
+    overshoots: usize,
 }
 
 impl Made {

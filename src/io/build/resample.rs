@@ -26,8 +26,9 @@ pub(crate) struct Even {
     pub(crate) origin: DVec3,
     /// The distance between samples along each axis; negative if coordinates fall.
     pub(crate) steps: DVec3,
-    /// A note on the resampling.
+    /// A note on the resampling, and the range of the samples before it.
     pub(crate) note: Option<String>,
+    pub(crate) range: Option<[f64; 2]>,
 }
 
 /// Resamples samples at listed coordinates onto an even lattice. Along an axis with uneven gaps it interpolates
@@ -87,7 +88,7 @@ pub(crate) fn evenly(
         ));
     }
     if notes.is_empty() {
-        return Ok(Even { dims, samples, origin, steps, note: None });
+        return Ok(Even { dims, samples, origin, steps, note: None, range: None });
     }
     let before: f64 = dims.iter().map(|&n| f64::from(n)).product();
     let after: f64 = counts.iter().map(|&n| f64::from(n)).product();
@@ -97,6 +98,7 @@ pub(crate) fn evenly(
     }
     // Axes are resampled one after another; the largest pass holds its input and its output.
     budget.take(place, num::u64_of(after * 8.0))?;
+    let range = Some(samples.statistics().0);
     let mut values = samples.into_f32();
     let mut extents = dims.map(num::index);
     for axis in (0..3).filter(|&axis| uneven[axis]) {
@@ -104,7 +106,14 @@ pub(crate) fn evenly(
         values = resample(&values, extents, axis, &places);
         extents[axis] = num::index(counts[axis]);
     }
-    Ok(Even { dims: counts, samples: Samples::F32(values), origin, steps, note: Some(notes.join("; ")) })
+    Ok(Even {
+        dims: counts,
+        samples: Samples::F32(values),
+        origin,
+        steps,
+        note: Some(notes.join("; ")),
+        range,
+    })
 }
 
 /// Rounds to six digits, because differences carry the rounding of their operands.

@@ -513,6 +513,7 @@ fn tilt_shears_and_uneven_distances_are_resampled() {
 
     let loaded = named("uneven").loaded();
     assert_eq!(loaded.report.warnings, ["distances of slices are uneven: 1, 3 mm"]);
+    assert_eq!(loaded.report.file_range, Some([0.0, 23.0]));
     let image = grid(loaded);
     assert_eq!((image.dims(), image.spacing()), ([4, 2, 5], DVec3::new(0.25, 0.5, 1.0)));
     let column: Vec<f64> = (0..5).map(|z| image.value(0, 0, z)).collect();

@@ -14,7 +14,13 @@ impl Facts {
     /// Adds the facts about a grid.
     pub(super) fn of_grid(&mut self, grid: &Grid, report: &Report) {
         self.lattice(grid);
-        self.values(grid.range(), grid.nan_count(), grid.infinite_count(), &Histogram::of(grid));
+        self.values(
+            grid.range(),
+            report.file_range,
+            grid.nan_count(),
+            grid.infinite_count(),
+            &Histogram::of(grid),
+        );
         self.arrays(report);
         let GridBytes { volume, stack, stacks, bricks } = GridBytes::of(grid);
         let bytes = json!({"volume": volume, "stack": stack, "stacks": stacks, "bricks": bricks});
@@ -40,7 +46,7 @@ impl Facts {
         self.line("scalars", format!("f32, {each}"));
         self.line("vacuum", format!("{vacuum} tetrahedra"));
         self.bounds(mesh.bounds());
-        self.scalars(mesh.range(), values);
+        self.scalars(mesh.range(), report.file_range, values);
         self.arrays(report);
         self.geometry(bytes - 12 * points);
     }
@@ -70,10 +76,10 @@ impl Facts {
         self.line("weights", weights.map_or_else(|| "1 each".to_string(), range_text));
         self.bounds(points.bounds());
         if let Some(scalars) = points.scalars() {
-            self.scalars(points.range(), scalars);
+            self.scalars(points.range(), None, scalars);
         } else {
             let histogram = Histogram { first: 1.0, width: 1.0, counts: vec![count as u64] };
-            self.values(points.range(), 0, 0, &histogram);
+            self.values(points.range(), None, 0, 0, &histogram);
         }
         self.arrays(report);
         self.geometry(count * (12 + lists + extra));
@@ -114,17 +120,27 @@ impl Facts {
     }
 
     /// Adds range and histogram of the scalars of a mesh or of points.
-    fn scalars(&mut self, range: [f64; 2], values: &[f32]) {
+    fn scalars(&mut self, range: [f64; 2], of_file: Option<[f64; 2]>, values: &[f32]) {
         let nan = values.iter().filter(|value| value.is_nan()).count();
         let infinite = values.iter().filter(|value| value.is_infinite()).count();
-        self.values(range, nan, infinite, &Histogram::of_values(range, values));
+        self.values(range, of_file, nan, infinite, &Histogram::of_values(range, values));
     }
 
-    /// Adds range, number of NaN and infinite values, and histogram.
-    fn values(&mut self, range: [f64; 2], nan: usize, infinite: usize, histogram: &Histogram) {
+    /// Adds range, number of NaN and infinite values, and histogram. `of_file` is the range in the file, where that may be another.
+    fn values(
+        &mut self,
+        range: [f64; 2],
+        of_file: Option<[f64; 2]>,
+        nan: usize,
+        infinite: usize,
+        histogram: &Histogram,
+    ) {
         self.put(json!({"range": range, "nan": nan, "infinite": infinite, "histogram": histogram}));
-        let [lo, hi] = range.map(number);
-        self.line("range", format!("{lo} to {hi}"));
+        let text = |range: [f64; 2]| range.map(number).join(" to ");
+        let other = of_file.filter(|of_file| *of_file != range);
+        self.put(json!({"file_range": of_file.unwrap_or(range)}));
+        let other = other.map_or_else(String::new, |range| format!(" (in the file {})", text(range)));
+        self.line("range", text(range) + &other);
         self.line("NaN", nan.to_string());
         self.line("infinite", infinite.to_string());
         self.line("histogram", format!("|{}| logarithmic", histogram.sketch()));

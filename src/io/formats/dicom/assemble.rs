@@ -78,6 +78,7 @@ pub(crate) fn assemble(
             "slices lie {tilt:.2} degrees off their normal, as with a tilted gantry: the axes are not at right angles"
         ));
     }
+    let mut file_range = None;
     let (dims, values, length) = match line.heights {
         None => (dims, values, line.step.length()),
         Some(heights) => {
@@ -86,6 +87,7 @@ pub(crate) fn assemble(
             warnings.push(format!("distances of slices are uneven: {} mm", line.gaps));
             let even = resample::evenly(source, "slices", dims, values, places, &mut account.budget)?;
             notes.extend(even.note);
+            file_range = even.range;
             (even.dims, even.samples, even.steps.z)
         }
     };
@@ -97,8 +99,14 @@ pub(crate) fn assemble(
         .map_err(located)?;
     if same {
         grid = grid.with_rescale(rescale).map_err(located)?;
+        let rescaled = |range: [f64; 2]| {
+            let [a, b] = range.map(|stored| rescale.slope * stored + rescale.intercept);
+            [a.min(b), a.max(b)]
+        };
+        file_range = file_range.map(rescaled);
     }
     let mut loaded = Loaded::new(NAME, grid.with_anatomy(Anatomy::Lps));
+    loaded.report.file_range = file_range;
     loaded.report.notes = notes;
     loaded.report.warnings = warnings;
     Ok(loaded)
