@@ -149,15 +149,29 @@ impl Profile {
         Ok(Self { source: Source::Measured, costs })
     }
 
+    /// Checks that [`Profile::store`] can write the profile of a device, for those who measure it first, and makes its folder.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Profile::store`].
+    pub fn check_store(gpu: &Gpu) -> Result<PathBuf> {
+        let Some(path) = Self::path(gpu) else {
+            return Err(Error::unsupported("a profile", "neither XDG_CACHE_HOME nor HOME is set"));
+        };
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, "write", source))?;
+        }
+        crate::replace::check_writable(&path)?;
+        Ok(path)
+    }
+
     /// Writes the profile to the file that [`Profile::load`] reads for this device.
     ///
     /// # Errors
     ///
     /// [`Error::Io`] naming the file; [`Error::Unsupported`] if the user has no cache folder.
     pub fn store(&self, gpu: &Gpu) -> Result<PathBuf> {
-        let Some(path) = Self::path(gpu) else {
-            return Err(Error::unsupported("a profile", "neither XDG_CACHE_HOME nor HOME is set"));
-        };
+        let path = Self::check_store(gpu)?;
         let report = gpu.report();
         let cost = |(spec, &(rmse, ms)): (&String, _)| StoredCost { technique: spec.clone(), rmse, ms };
         let stored = Stored {
@@ -169,9 +183,6 @@ impl Profile {
         };
         let text = serde_json::to_string_pretty(&stored);
         let text = text.map_err(|error| Error::invalid("profile", error.to_string()))? + "\n";
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, "write", source))?;
-        }
         crate::replace::replace(&path, |writer| writer.write_all(text.as_bytes()))?;
         Ok(path)
     }

@@ -12,6 +12,7 @@ mod input;
 mod interrupt;
 mod markup;
 mod memory;
+mod nothing;
 mod numbers;
 mod outcome;
 mod output;

@@ -134,7 +134,7 @@ impl Canvas {
 
     /// The sums of samples and fetches, with the same stand-in.
     pub(crate) fn counts(&self, unread: &Arc<Buffer>) -> shader::Counts {
-        let counts = self.counts.as_ref().unwrap_or(unread).write();
+        let counts = self.counts.as_ref().map_or_else(|| unread.unwritten(), Buffer::write);
         shader::Counts { counts, counted: self.counts.is_some() }
     }
 

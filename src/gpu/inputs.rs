@@ -67,6 +67,11 @@ impl Buffer {
     pub(crate) fn write(self: &Arc<Self>) -> Write {
         Write(Resource::Write(Arc::clone(self)))
     }
+
+    /// Binds the buffer for a variant of a shader that does not write: something must be bound.
+    pub(crate) fn unwritten(self: &Arc<Self>) -> Write {
+        Write(Resource::Read(Arc::clone(self)))
+    }
 }
 
 impl Image {

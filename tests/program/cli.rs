@@ -35,6 +35,29 @@ fn with_scene() -> Folder {
     folder
 }
 
+/// A picture of nothing is drawn, with a warning that says why.
+#[test]
+fn a_picture_of_nothing_has_a_reason() {
+    let folder = empty();
+    for (name, from, to, why) in [
+        ("away", "\"target\": [0, 0, 0]", "\"target\": [4, 3, 7.6]", "outside of the camera's view"),
+        ("beside", "\"target\": [0, 0, 0]", "\"target\": [9, 0, 0]", "outside of the camera's view"),
+        ("clear", "\"range\": [0, 1]", "\"range\": [5, 6]", "no extinction at the data's scalars"),
+        (
+            "cut",
+            "\"image\"",
+            "\"clip\": {\"crop\": {\"low\": [3, 3, 3]}}, \"image\"",
+            "the crop box cut away",
+        ),
+    ] {
+        assert!(SCENE.contains(from), "{from}");
+        folder.write("scene.json", SCENE.replace(from, to));
+        let run = folder.run(&format!("render scene.json -o {name}.png"));
+        run.complains(0, &["warning: the picture shows nothing", why]);
+        folder.run(&format!("-q render scene.json -o {name}.png")).done();
+    }
+}
+
 /// What is no regular file is written into, links stay, and a file that becomes too large leaves nothing.
 #[cfg(unix)]
 #[test]
@@ -81,7 +104,11 @@ fn wrong_usage_and_input_are_exit_code_2_and_one_line() {
     render("--technique slices-3d:steps=1").fails(2, &["steps", "must be one of step"]);
     render("--technique slices-3d:step").fails(2, &["step", "key=value"]);
     render("--frames 0").fails(2, &["--frames", "'0'", "1.."]);
-    render("--orbit nan").fails(2, &["--orbit", "'nan'", "finite"]);
+    render("--frames 2 --orbit nan").fails(2, &["--orbit", "'nan'", "finite"]);
+    render("--orbit 3").fails(2, &["--frames"]);
+    render("--max-error -1").fails(2, &["--max-error", "'-1'", "positive"]);
+    render("--budget -1").fails(2, &["--budget", "'-1'", "positive"]);
+    render("--technique slices-3d:step=1,step=2").fails(2, &["slices-3d option step", "given twice"]);
     render("--colour red").fails(2, &["--colour"]);
     for size in ["8", "0x8", "8x0", "8x32769", "axb"] {
         let run = folder.run(&format!("render scene.json -o out.exr --size {size}"));
@@ -329,7 +356,7 @@ fn compare_measures_each_technique() {
     );
     assert!(of(2, "rmse") > 1e-9 && of(0, "rmse") < 0.1);
     assert_eq!(run.out.lines().count(), 4, "{}", run.out);
-    let mut files: Vec<String> = ["slices-3d", "slices-3d-2", "slices-3d-3"]
+    let mut files: Vec<String> = ["slices-3d-compute", "slices-3d-compute-2", "slices-3d-compute-3"]
         .iter()
         .flat_map(|stem| [".exr", ".heat.png", ".png"].map(|ending| format!("{stem}{ending}")))
         .chain(["errors.json", "reference.exr", "reference.png", "report.html"].map(str::to_string))
@@ -344,7 +371,7 @@ fn compare_measures_each_technique() {
     assert!((again - of(0, "rmse")).abs() < 1e-7, "{again} {}", of(0, "rmse"));
     assert!(!folder.path("again/reference.exr").exists());
     // A picture is its own truth.
-    folder.run(&line.replace("reference.exr", "slices-3d.exr")).done();
+    folder.run(&line.replace("reference.exr", "slices-3d-compute.exr")).done();
     assert_eq!(folder.json("again/errors.json")[0]["max"], 0.0);
     // A picture of another size is no truth, and nothing is written for it.
     let line = "compare scene.json -o third --size 16x24 --against out/reference.exr";

@@ -13,6 +13,7 @@ use volraster::{Error, GpuScene, Image, Renderer, Result, Technique, choice};
 use crate::cli::in_flight::InFlight;
 use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, LookArgs, Request, Size};
 use crate::cli::memory::{peak_rss_bytes, summed};
+use crate::cli::nothing::why_nothing;
 use crate::cli::outcome::{Outcome, check_validation};
 use crate::cli::output;
 use crate::cli::timing::{Times, gpu_ms, milliseconds_since, passes};
@@ -35,10 +36,12 @@ pub(crate) struct Args {
     technique: Option<String>,
     /// Choose the fastest technique and options whose root mean square error is at most this (premultiplied linear
     /// colour). The search draws trial images and compares them with the float64 reference.
-    #[arg(long, value_name = "RMSE", conflicts_with = "technique", value_parser = positive)]
+    #[arg(long, value_name = "RMSE", conflicts_with = "technique", allow_negative_numbers = true,
+        value_parser = positive)]
     max_error: Option<f64>,
     /// Choose the most accurate technique and options that draw a frame within this many milliseconds.
-    #[arg(long, value_name = "MS", conflicts_with_all = ["technique", "max_error"], value_parser = positive)]
+    #[arg(long, value_name = "MS", conflicts_with_all = ["technique", "max_error"], allow_negative_numbers = true,
+        value_parser = positive)]
     budget: Option<f64>,
     /// Image size [default: that of the scene].
     #[arg(long, value_name = "WxH", value_parser = Size::parse)]
@@ -51,7 +54,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     in_flight: u8,
     /// Degrees by which the eye orbits the target around `up` from frame to frame. The image shows angle 0.
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, requires = "frames",
+        value_parser = finite)]
     orbit: f64,
     /// Write times, memory and counters as JSON.
     #[arg(long, value_name = "FILE")]
@@ -102,6 +106,7 @@ impl Args {
         drop(gpu);
         let drawn = self.draw(&scene, technique, &settings.view, &views, [settings.load_ms, open_ms])?;
         let Drawn { image, map, mut stats, line } = drawn;
+        let nothing = why_nothing(&image, scene.scene(), &settings.view);
         drop(scene);
         if let Some((choice, ms)) = &chosen {
             stats["choice"] = self.choice_json(choice, *ms);
@@ -116,6 +121,9 @@ impl Args {
             output::write_json(path, &stats)?;
         }
         if !quiet {
+            if let Some(why) = nothing {
+                output::complain(&format!("warning: the picture shows nothing: {why}"));
+            }
             if let Some((choice, _)) = &chosen {
                 output::print(&reason(choice))?;
             }

@@ -28,8 +28,9 @@ pub(super) const GRID: Colour = ([228, 228, 228], 1.0);
 
 pub(super) const FRAME: Colour = ([150, 150, 150], 1.0);
 
-/// Eight colours that colour-blind readers can tell apart (Okabe and Ito; the last two are darker than theirs).
-pub(super) const COLOURS: [[u8; 3]; 8] = [
+/// A colour for each technique. Colour-blind readers can tell the first eight apart (Okabe and Ito; the last two of these are darker than
+/// theirs), and marks tell all.
+pub(super) const COLOURS: [[u8; 3]; 10] = [
     [0, 114, 178],
     [213, 94, 0],
     [0, 158, 115],
@@ -38,6 +39,8 @@ pub(super) const COLOURS: [[u8; 3]; 8] = [
     [86, 180, 233],
     [60, 60, 60],
     [136, 84, 24],
+    [110, 64, 170],
+    [150, 160, 0],
 ];
 
 /// A marker: the corners of a polygon, the turn of the first, and its size relative to other markers; `None` for a cross.

@@ -190,11 +190,11 @@ impl<'a> Cutter<'a> {
                 // The function of the cell may overshoot the values of its nodes, which are those of the file.
                 let value = num::f32_of(pairs().map(|(node, weight)| f64::from(values[node]) * weight).sum());
                 let within = |limit: fn(f32, f32) -> f32| pairs().map(|(node, _)| values[node]).reduce(limit);
-                let kept = match (within(f32::min), within(f32::max)) {
-                    (Some(low), Some(high)) if !value.is_nan() => value.max(low).min(high),
-                    _ => value,
-                };
-                overshoot = kept < value || kept > value;
+                let limits = within(f32::min).zip(within(f32::max));
+                // NaN stays.
+                let beyond = limits.filter(|(low, high)| value < *low || value > *high);
+                overshoot = beyond.is_some();
+                let kept = beyond.map_or(value, |(low, high)| value.max(low).min(high));
                 values.push(kept);
             }
         }

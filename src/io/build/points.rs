@@ -43,6 +43,11 @@ pub(crate) fn points(mut centres: Vec<DVec3>, origin: Origin) -> Result<Loaded> 
         return Err(source.error("arrays", "points have either radii or covariances"));
     }
     let mut notes = Vec::new();
+    if radii.is_none() && covariances.is_none() {
+        notes.extend(columns.origin.arrays.iter().find(|array| may_be_radii(array)).map(|array| {
+            format!("array {array} may hold the radii of the points: it is not used as such unless `radius` names it")
+        }));
+    }
     let nowhere = columns.finite.iter().filter(|finite| !**finite).count();
     if nowhere > 0 {
         keep(&mut centres, &columns.finite);
@@ -64,6 +69,13 @@ pub(crate) fn points(mut centres: Vec<DVec3>, origin: Origin) -> Result<Loaded> 
     };
     let points = attach().map_err(|error| error.in_file(source.path()))?;
     Ok(columns.origin.loaded(Data::Points(points), chosen, notes))
+}
+
+/// Whether the name of an array says that it holds radii.
+fn may_be_radii(array: &ArrayInfo) -> bool {
+    let name = array.name.to_lowercase();
+    let says = ["radius", "radii"].iter().any(|word| name.ends_with(word));
+    says && array.association == Association::Point && array.components == 1
 }
 
 /// Keeps the entries that are marked.

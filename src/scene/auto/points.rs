@@ -269,7 +269,7 @@ mod tests {
     #[test]
     fn charges_of_both_signs_diverge() {
         let charges =
-            (0..3000_u32).map(|i| if i % 5 == 0 { 2.0 } else { -1.0 } * (0.5 + f32::from(i as u8) / 512.0));
+            (0..3000_u16).map(|i| if i % 5 == 0 { 2.0 } else { -1.0 } * (0.5 + f32::from(i % 256) / 512.0));
         let points = scattered(3000, 1.0).with_scalars(charges.collect()).unwrap();
         let transfer = transfer(&points, &Kernels::of_points()).unwrap();
         assert!(

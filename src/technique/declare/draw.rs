@@ -108,7 +108,10 @@ pub(crate) trait Draw: TechniqueOptions {
 /// Reads `key`, `value` pairs.
 pub(crate) fn parse<T: TechniqueOptions>(pairs: &[(String, String)]) -> Result<T> {
     let mut options = T::default();
-    for (key, text) in pairs {
+    for (i, (key, text)) in pairs.iter().enumerate() {
+        if pairs[..i].iter().any(|(other, _)| other == key) {
+            return Err(declare::refused(T::NAME, key, "given twice"));
+        }
         declare::set(&mut options, T::NAME, T::key(key, text), text)?;
     }
     check(&options)?;

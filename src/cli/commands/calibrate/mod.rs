@@ -45,6 +45,7 @@ impl Args {
             bar.finish_and_clear();
             return report(found, &profile);
         }
+        Profile::check_store(&gpu)?;
         let bar = output::progress(0, "settings");
         let profile = Profile::measure(&gpu, &mut |done, all| {
             bar.set_length(u64::try_from(all).unwrap_or(0));

@@ -81,13 +81,9 @@ pub(super) fn draw(
 
 impl Entry {
     /// Draws with a scene of its own, so that the measured memory is all that the technique needs. The files are named
-    /// after the technique: `slices-3d`, then `slices-3d-2`.
+    /// after technique and route: `slices-3d-compute`, then `slices-3d-compute-2`; techniques of one route have no such part.
     fn draw(gpu: &Gpu, scene: &Scene, view: &View, technique: Technique, others: &[Self]) -> Result<Self> {
         let method = technique.method();
-        let stem = match others.iter().filter(|entry| entry.technique.method() == method).count() {
-            0 => method.name().to_string(),
-            n => format!("{}-{}", method.name(), n + 1),
-        };
         let scene = GpuScene::new(gpu, scene.clone());
         let (mut drawing, device_bytes) = device_bytes(&scene, || {
             let mut drawing = Renderer::new(&scene, technique).frames(view)?;
@@ -98,6 +94,16 @@ impl Entry {
         let last = frames.last().map_or(&[][..], |frame| &frame.counters);
         let counters = drawing.plan().counters().into_iter().chain(last.iter().copied()).collect();
         let (route, image) = (drawing.plan().route(), drawing.read_back()?);
+        let name = if method.routes().len() > 1 {
+            format!("{}-{route}", method.name())
+        } else {
+            method.name().to_string()
+        };
+        let same = |entry: &&Self| entry.technique.method() == method && entry.route == route;
+        let stem = match others.iter().filter(same).count() {
+            0 => name,
+            n => format!("{name}-{}", n + 1),
+        };
         Ok(Self { technique, route, stem, image, frames, counters, device_bytes })
     }
 
