@@ -8,7 +8,7 @@ mod mesh;
 mod points;
 mod statistics;
 
-pub use framing::camera;
+pub use framing::{Side, camera, camera_of};
 
 use glam::DVec3;
 

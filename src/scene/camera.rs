@@ -34,6 +34,27 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// Returns the camera whose image shows things `factor` times as large, from the same eye.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if the factor is not positive and finite.
+    pub fn zoomed(&self, factor: f64) -> Result<Self> {
+        if !(factor > 0.0 && factor.is_finite()) {
+            return Err(Error::invalid("zoom", format!("{factor}: must be positive and finite")));
+        }
+        let projection = match self.projection {
+            Projection::Perspective { fov_y_deg } => {
+                let half = ((0.5 * fov_y_deg.to_radians()).tan() / factor).atan();
+                Projection::Perspective { fov_y_deg: 2.0 * half.to_degrees() }
+            }
+            Projection::Orthographic { half_height } => {
+                Projection::Orthographic { half_height: half_height / factor }
+            }
+        };
+        Ok(Self { projection, ..*self })
+    }
+
     /// Returns the camera rotated by `degrees` about the axis `up` through the target, counter-clockwise seen
     /// from above.
     ///

@@ -35,6 +35,32 @@ fn with_scene() -> Folder {
     folder
 }
 
+/// `--view` and `--zoom` are those of the library, whatever camera the scene has.
+#[test]
+fn views_are_sides_or_angles() {
+    use volraster::scene::auto::{Side, camera_of};
+    let folder = with_scene();
+    for (options, side, zoom) in [
+        ("--view left", Side::Left, 1.0),
+        ("--view -30,20 --zoom 2", Side::From(-30.0, 20.0), 2.0),
+        ("--view 90,-90", Side::From(90.0, -90.0), 1.0),
+    ] {
+        folder.run(&format!("-q render scene.json -o view.exr {options}")).done();
+        let loaded = folder.scene(SCENE).unwrap();
+        let camera = camera_of(&loaded.scene.data, side, 64, 48).unwrap().zoomed(zoom).unwrap();
+        let scene = GpuScene::new(&Gpu::new(&GpuOptions::default()).unwrap(), loaded.scene);
+        let technique = Technique::parse("slices-3d:step=0.5").unwrap();
+        let image = Renderer::new(&scene, technique).render(&View::new(camera, 64, 48).unwrap()).unwrap();
+        assert_eq!(folder.exr("view.exr"), image, "{options}");
+        assert!(image.pixels().iter().any(|pixel| pixel[3] > 0.1), "{options}");
+    }
+    let render = |rest: &str| folder.run(&format!("render scene.json -o out.exr {rest}"));
+    for view in ["sideways", "1", "0,91", "nan,0"] {
+        render(&format!("--view {view}")).fails(2, &["--view", view, "front, back, left", "two angles"]);
+    }
+    render("--zoom 0").fails(2, &["--zoom", "'0'", "positive"]);
+}
+
 /// A picture of nothing is drawn, with a warning that says why.
 #[test]
 fn a_picture_of_nothing_has_a_reason() {

@@ -1,6 +1,7 @@
 //! What to show of the data.
 
 use volraster::Result;
+use volraster::scene::auto::Side;
 use volraster::scene::{Lighting, Mode, auto};
 
 use super::scene::Input;
@@ -15,6 +16,37 @@ pub(crate) struct LookArgs {
     /// (maximum). The last two are for grids.
     #[arg(long, value_name = "emission|lit|maximum", value_parser = |name: &str| Mode::from_name(name).map_err(|error| error.to_string()))]
     mode: Option<Mode>,
+    /// Look from this side: the patient's where the file tells (DICOM, NIfTI), else the front is -y and up +z; or from so many
+    /// degrees to the right of the front and upwards. Overrides the camera.
+    #[arg(long, value_name = "front|back|left|right|top|bottom|iso|AZ,EL", allow_hyphen_values = true, value_parser = side)]
+    view: Option<Side>,
+    /// Show things this many times as large.
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, value_parser = factor)]
+    zoom: Option<f64>,
+}
+
+/// Parses a side by its name, or two angles.
+fn side(text: &str) -> std::result::Result<Side, String> {
+    if let Some((_, side)) = Side::NAMED.iter().find(|(name, _)| *name == text) {
+        return Ok(*side);
+    }
+    let angle = |text: &str| text.trim().parse().ok().filter(|angle: &f64| angle.is_finite());
+    let angles = text.split_once(',').map(|(azimuth, elevation)| [angle(azimuth), angle(elevation)]);
+    match angles {
+        Some([Some(azimuth), Some(elevation)]) if elevation.abs() <= 90.0 => {
+            Ok(Side::From(azimuth, elevation))
+        }
+        _ => {
+            let names = Side::NAMED.map(|(name, _)| name).join(", ");
+            Err(format!("must be {names}, or two angles in degrees, the second from -90 to 90"))
+        }
+    }
+}
+
+/// Parses a positive number.
+fn factor(text: &str) -> std::result::Result<f64, String> {
+    let number = text.parse().ok().filter(|n: &f64| *n > 0.0 && n.is_finite());
+    number.ok_or_else(|| "must be a positive number".to_string())
 }
 
 impl LookArgs {
@@ -34,6 +66,13 @@ impl LookArgs {
         }
         if self.isosurface.is_some() || mode.is_some() {
             settings.choice = None;
+        }
+        let [width, height] = settings.view.extent();
+        if let Some(side) = self.view {
+            settings.view = settings.view.with_camera(auto::camera_of(&scene.data, side, width, height)?)?;
+        }
+        if let Some(factor) = self.zoom {
+            settings.view = settings.view.with_camera(settings.view.camera().zoomed(factor)?)?;
         }
         let scene = match (mode, scene.mode) {
             (None, _) | (Some(Mode::Lit(_)), Mode::Lit(_)) => scene,

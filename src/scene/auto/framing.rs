@@ -2,16 +2,65 @@
 
 use glam::DVec3;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::{Anatomy, Camera, Data, Projection, View};
 
 /// Vertical angle of view, in degrees.
 const FOV_Y_DEG: f64 = 30.0;
-/// Rotation of the eye from the front: to the side and upwards, in degrees.
-const TURN: f64 = 35.0;
-const RISE: f64 = 20.0;
+/// Where the eye is without a choice: degrees from the front to the viewer's right, and upwards.
+const CHOSEN: [f64; 2] = [35.0, 20.0];
 /// Share of the half image that the data's box fills in the tighter direction.
 const FILL: f64 = 0.98;
+
+/// A side of the data that a camera sees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Side {
+    /// Anterior of a patient, else -y.
+    Front,
+    /// Posterior, else +y.
+    Back,
+    /// The patient's left, else -x.
+    Left,
+    /// The patient's right, else +x.
+    Right,
+    /// Superior, else +z, with the front below.
+    Top,
+    /// Inferior, else -z, with the front above.
+    Bottom,
+    /// A corner: front, the viewer's right and top alike.
+    Iso,
+    /// Degrees from the front to the viewer's right, and degrees upwards, from -90 to 90.
+    From(f64, f64),
+}
+
+impl Side {
+    /// The sides by name.
+    pub const NAMED: [(&'static str, Self); 7] = [
+        ("front", Self::Front),
+        ("back", Self::Back),
+        ("left", Self::Left),
+        ("right", Self::Right),
+        ("top", Self::Top),
+        ("bottom", Self::Bottom),
+        ("iso", Self::Iso),
+    ];
+
+    /// Returns degrees to the viewer's right and upwards.
+    fn direction(self, anatomy: Anatomy) -> [f64; 2] {
+        // Who looks at the front of a patient has the patient's left on the right.
+        let left = if anatomy == Anatomy::Unknown { -90.0 } else { 90.0 };
+        match self {
+            Self::Front => [0.0, 0.0],
+            Self::Back => [180.0, 0.0],
+            Self::Left => [left, 0.0],
+            Self::Right => [-left, 0.0],
+            Self::Top => [0.0, 90.0],
+            Self::Bottom => [0.0, -90.0],
+            Self::Iso => [45.0, f64::atan(0.5_f64.sqrt()).to_degrees()],
+            Self::From(azimuth, elevation) => [azimuth, elevation],
+        }
+    }
+}
 
 /// Returns a perspective camera that frames the data's box from the front, rotated to one side and slightly
 /// from above.
@@ -24,7 +73,21 @@ const FILL: f64 = 0.98;
 /// [`crate::Error::Invalid`] if `width` or `height` is not a valid image side, or if the box is so large, so
 /// small or so far from the origin that no camera sees it in float64.
 pub fn camera(data: &Data, width: u32, height: u32) -> Result<Camera> {
+    camera_of(data, Side::From(CHOSEN[0], CHOSEN[1]), width, height)
+}
+
+/// Returns a perspective camera that frames the data's box from a side.
+///
+/// # Errors
+///
+/// Those of [`camera`]; [`crate::Error::Invalid`] for angles of [`Side::From`] that are not finite, or an elevation beyond 90 degrees.
+pub fn camera_of(data: &Data, side: Side, width: u32, height: u32) -> Result<Camera> {
     let anatomy = if let Data::Grid(grid) = data { grid.anatomy() } else { Anatomy::Unknown };
+    let [azimuth, elevation] = side.direction(anatomy);
+    if !(azimuth.is_finite() && elevation.abs() <= 90.0) {
+        let why = format!("{azimuth},{elevation}: must be finite, the second from -90 to 90 degrees");
+        return Err(Error::invalid("view", why));
+    }
     // World directions to the viewer and to the viewer's right.
     let (front, right) = match anatomy {
         Anatomy::Unknown => (DVec3::NEG_Y, DVec3::X),
@@ -32,9 +95,11 @@ pub fn camera(data: &Data, width: u32, height: u32) -> Result<Camera> {
         Anatomy::Lps => (DVec3::NEG_Y, DVec3::X),
         Anatomy::Las => (DVec3::Y, DVec3::X),
     };
-    let up = DVec3::Z;
-    let (turn, rise) = (TURN.to_radians(), RISE.to_radians());
-    let towards = (front * turn.cos() + right * turn.sin()) * rise.cos() + up * rise.sin();
+    let (turn, rise) = (azimuth.to_radians(), elevation.to_radians());
+    let across = front * turn.cos() + right * turn.sin();
+    let towards = across * rise.cos() + DVec3::Z * rise.sin();
+    // From above and below, the side that the eye came from stays below and above.
+    let up = if elevation.abs() > 89.9 { across * -elevation.signum() } else { DVec3::Z };
 
     // Move the eye back until every corner of the box lies inside the image.
     let corners = data.corners();
@@ -92,6 +157,37 @@ mod tests {
                 assert!(view.forward().dot(anterior) < -0.5, "{anatomy:?}");
             }
         }
+    }
+
+    #[test]
+    fn sides_are_the_patient_s_or_the_axes() {
+        let grid = |anatomy| {
+            Data::from(Grid::new([8, 9, 10], Samples::U8(vec![1; 720])).unwrap().with_anatomy(anatomy))
+        };
+        // Where the eye is from the target, and what is up in the image.
+        let seen = |anatomy, side| {
+            let view = View::new(camera_of(&grid(anatomy), side, 64, 64).unwrap(), 64, 64).unwrap();
+            [-view.forward(), view.up()].map(|v| v.round())
+        };
+        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+        for (anatomy, front, left) in
+            [(Anatomy::Unknown, -y, -x), (Anatomy::Ras, y, -x), (Anatomy::Lps, -y, x), (Anatomy::Las, y, x)]
+        {
+            for (side, eye, up) in [
+                (Side::Front, front, z),
+                (Side::Back, -front, z),
+                (Side::Left, left, z),
+                (Side::Right, -left, z),
+                (Side::Top, z, -front),
+                (Side::Bottom, -z, front),
+                (Side::From(180.0, 0.0), -front, z),
+            ] {
+                assert_eq!(seen(anatomy, side), [eye, up], "{anatomy:?} {side:?}");
+            }
+        }
+        let iso = camera_of(&grid(Anatomy::Unknown), Side::Iso, 64, 64).unwrap();
+        assert!((iso.eye - iso.target).normalize().distance(DVec3::new(1.0, -1.0, 1.0).normalize()) < 1e-12);
+        assert!(camera_of(&grid(Anatomy::Unknown), Side::From(0.0, 91.0), 64, 64).is_err());
     }
 
     #[test]

@@ -415,7 +415,7 @@ fn slices_cut_short_are_not_passed_over() {
     for cut in [28, 24, 20, 18, 1] {
         let folder = Folder::new();
         for (i, slice) in ramp().iter().enumerate() {
-            let mut bytes = EXPLICIT.file(&slice);
+            let mut bytes = EXPLICIT.file(slice);
             if i == 2 {
                 bytes.truncate(bytes.len() - cut);
             }
