@@ -61,6 +61,31 @@ fn views_are_sides_or_angles() {
     render("--zoom 0").fails(2, &["--zoom", "'0'", "positive"]);
 }
 
+/// `info --scene` prints a scene that draws the same picture to the bit as the data file by itself.
+#[test]
+fn the_automatic_scene_is_a_scene_file() {
+    let folder = with_scene();
+    folder.run("-q convert scene.json grid.nrrd").done();
+    folder.write("mesh.json", r#"{"mesh": {"field": "blobs", "cubes": 4}}"#);
+    folder.run("-q convert mesh.json mesh.vtu").done();
+    let rows = (0..60).map(|i| format!("{},{},{},{},{}\n", i % 5, i / 5 % 4, i / 20, i - 20, 1 + i % 3));
+    folder.write("points.csv", format!("x,y,z,charge,radius\n{}", rows.collect::<String>()));
+    for (data, options) in [
+        ("grid.nrrd", ""),
+        ("grid.nrrd", " --view left --zoom 1.5 --mode lit"),
+        ("grid.nrrd", " --isosurface 0.5"),
+        ("mesh.vtu", " --view iso"),
+        ("points.csv", " --array charge --radius radius"),
+    ] {
+        let scene = folder.run(&format!("info {data} --scene{options}")).done();
+        folder.write("own.json", &scene.out);
+        folder.run(&format!("-q render {data} -o data512.exr{options}")).done();
+        folder.run("-q render own.json -o scene512.exr").done();
+        assert_eq!(folder.exr("data512.exr"), folder.exr("scene512.exr"), "{data}{options}");
+    }
+    folder.run("info scene.json --scene").fails(2, &["scene.json", "--scene", "is one already"]);
+}
+
 /// A picture of nothing is drawn, with a warning that says why.
 #[test]
 fn a_picture_of_nothing_has_a_reason() {

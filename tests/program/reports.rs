@@ -40,7 +40,7 @@ fn a_report_shows_every_technique_and_says_what_it_refused() {
     let html = folder.text("out/report.html");
     let errors = folder.json("out/errors.json");
     let errors = errors.as_array().unwrap();
-    for name in ["havs", "abuffer", "projected-tets"] {
+    for name in ["havs-compute", "abuffer", "projected-tets-compute"] {
         assert!(html.contains(&format!("id=\"{name}\"")), "{name}");
     }
     // The truth; picture and error of each.

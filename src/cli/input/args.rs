@@ -93,15 +93,15 @@ impl ArraysArgs {
         }
     }
 
-    /// Returns the first array given, with the name of its option.
-    pub(crate) fn first(&self) -> Option<(&'static str, &str)> {
+    /// Returns the arrays given, with the names of their options.
+    pub(crate) fn given(&self) -> impl Iterator<Item = (&'static str, &str)> {
         let all = [
             ("array", &self.array),
             ("radius", &self.radius),
             ("covariance", &self.covariance),
             ("weight", &self.weight),
         ];
-        all.into_iter().find_map(|(name, array)| Some((name, array.as_deref()?)))
+        all.into_iter().filter_map(|(name, array)| Some((name, array.as_deref()?)))
     }
 }
 

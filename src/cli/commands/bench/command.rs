@@ -157,7 +157,7 @@ impl Args {
     /// Lists the scenes of the argument SUITE.
     fn suite_workloads(&self, quiet: bool) -> Result<Vec<Workload>> {
         if let Some(suite) = self.known_suite() {
-            if let Some((option, array)) = self.arrays.first() {
+            if let Some((option, array)) = self.arrays.given().next() {
                 let why = format!("\"{array}\": the scenes of {} have no arrays", suite.name);
                 return Err(invalid(&format!("--{option}"), why));
             }

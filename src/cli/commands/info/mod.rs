@@ -6,6 +6,7 @@ mod data;
 mod facts;
 mod histogram;
 mod scene;
+mod scene_file;
 
 use std::path::PathBuf;
 
@@ -14,7 +15,7 @@ use volraster::io::Data;
 use volraster::{Error, Result};
 
 use self::facts::Facts;
-use crate::cli::input::{ArraysArgs, Input};
+use crate::cli::input::{ArraysArgs, Input, LookArgs};
 use crate::cli::outcome::Outcome;
 use crate::cli::output;
 
@@ -26,22 +27,31 @@ pub(crate) struct Args {
     file: PathBuf,
     #[command(flatten)]
     arrays: ArraysArgs,
+    #[command(flatten)]
+    look: LookArgs,
     /// Print JSON.
     #[arg(long)]
     json: bool,
+    /// Print a scene file that draws what the data file draws by itself, to be edited.
+    #[arg(long, conflicts_with = "json")]
+    scene: bool,
 }
 
 impl Args {
     /// Runs the command.
     pub(crate) fn run(&self) -> Outcome {
-        let facts = self.facts()?;
+        let input = self.look.apply(Input::load(&self.file, None, &self.arrays, true)?)?;
+        if self.scene {
+            let scene = scene_file::scene_file(&self.file, &self.arrays, &input.scene, &input.settings)?;
+            return Ok(output::print(&format!("{scene:#}"))?);
+        }
+        let facts = self.facts(input)?;
         let text =
             if self.json { format!("{:#}", Value::Object(facts.json)) } else { facts.text(&self.file) };
         Ok(output::print(&text)?)
     }
 
-    fn facts(&self) -> Result<Facts> {
-        let Input { scene, settings } = Input::load(&self.file, None, &self.arrays, true)?;
+    fn facts(&self, Input { scene, settings }: Input) -> Result<Facts> {
         let mut facts = Facts::new(&self.file, scene.data.kind(), &settings.data, &settings.report);
         match &scene.data {
             Data::Grid(grid) => facts.of_grid(grid, &settings.report),

@@ -10,6 +10,7 @@ use volraster::scene::{
 };
 
 use super::facts::Facts;
+use super::scene_file::lighting_json;
 use crate::cli::numbers::{number, triple};
 use crate::cli::table;
 
@@ -51,11 +52,8 @@ impl Facts {
             }
             return;
         };
-        let Lighting { ambient, diffuse, specular, shininess, direction, least_gradient } = lighting;
-        self.put(json!({"mode": mode.name(), "lighting": {
-            "ambient": ambient, "diffuse": diffuse, "specular": specular, "shininess": shininess,
-            "direction": direction.map(|d| d.to_array()), "least_gradient": least_gradient,
-        }}));
+        let Lighting { ambient, diffuse, specular, shininess, direction, .. } = lighting;
+        self.put(json!({"mode": mode.name(), "lighting": lighting_json(lighting)}));
         let from = direction.map_or_else(|| "from the eye".to_string(), |d| format!("from {}", triple(d)));
         let [ambient, diffuse, specular, shininess] = [ambient, diffuse, specular, shininess].map(number);
         let shares =

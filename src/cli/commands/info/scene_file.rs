@@ -1,0 +1,63 @@
+//! The scene of a data file as a scene file: what is chosen automatically, to be edited.
+
+use std::path::Path;
+
+use serde_json::{Map, Value, json};
+use volraster::io::scene_file::SceneFile;
+use volraster::scene::{Lighting, Mode, Projection, Scene};
+use volraster::{Error, Result};
+
+use crate::cli::input::{ArraysArgs, Settings};
+use crate::cli::output::{refuse, without_nulls};
+
+/// Returns the scene file that draws what `path`, a data file, draws by itself, with this look.
+pub(super) fn scene_file(
+    path: &Path,
+    arrays: &ArraysArgs,
+    scene: &Scene,
+    settings: &Settings,
+) -> Result<Value> {
+    if SceneFile::is_at(path, &arrays.options()) {
+        return Err(refuse(path, "--scene", "a scene file is one already"));
+    }
+    let file = path.canonicalize();
+    let file =
+        file.map_err(|source| Error::Io { path: path.to_path_buf(), action: "cannot open", source })?;
+    let Some(file) = file.to_str() else {
+        return Err(refuse(path, "file name", "must be Unicode, for a scene file to name it"));
+    };
+    let mut data = Map::from_iter([("file".to_string(), json!(file))]);
+    data.extend(arrays.given().map(|(key, name)| (key.to_string(), json!(name))));
+    let data_key = match scene.data.kind() {
+        "grid" => "volume",
+        kind => kind,
+    };
+    let knots = scene.transfer.knots().iter();
+    let knots: Vec<[f64; 5]> = knots.map(|k| [k.s, k.colour.x, k.colour.y, k.colour.z, k.tau]).collect();
+    let camera = settings.view.camera();
+    let (key, value) = match camera.projection {
+        Projection::Perspective { fov_y_deg } => ("fov_y_deg", fov_y_deg),
+        Projection::Orthographic { half_height } => ("half_height", half_height),
+    };
+    let [eye, target, up] = [camera.eye, camera.target, camera.up].map(|v| v.to_array());
+    let lighting = if let Mode::Lit(lighting) = scene.mode { lighting_json(lighting) } else { Value::Null };
+    let [width, height] = settings.view.extent();
+    Ok(without_nulls(json!({
+        data_key: data,
+        "transfer": knots,
+        "mode": (scene.mode != Mode::Emission).then(|| scene.mode.name()),
+        "lighting": lighting,
+        "camera": {"eye": eye, "target": target, "up": up, key: value},
+        "image": {"width": width, "height": height},
+        "background": settings.background,
+    })))
+}
+
+/// Returns the keys of a scene's light.
+pub(super) fn lighting_json(lighting: Lighting) -> Value {
+    let Lighting { ambient, diffuse, specular, shininess, direction, least_gradient } = lighting;
+    json!({
+        "ambient": ambient, "diffuse": diffuse, "specular": specular, "shininess": shininess,
+        "direction": direction.map(|d| d.to_array()), "least_gradient": least_gradient,
+    })
+}
