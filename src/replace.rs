@@ -24,32 +24,36 @@ fn place_of(path: &Path) -> Result<Place> {
         return Err(Error::file(path, "file name", "must not be empty or a folder's"));
     }
     let unwritable = |e| Error::io(path, "cannot write", e);
-    let metadata = match std::fs::metadata(path) {
-        Err(error) if error.kind() == ErrorKind::NotFound => {
-            // Perhaps links to a file that is not there yet.
-            let mut target = path.to_path_buf();
-            for _ in 0..MOST_LINKS {
-                let Ok(next) = std::fs::read_link(&target) else { return Ok(Place::Onto(target, None)) };
-                target = target.with_file_name("").join(next);
-            }
-            return Err(unwritable(ErrorKind::NotFound.into()));
+    let metadata = std::fs::metadata(path);
+    let mut target = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        if metadata.is_ok() && names_open_file(&target) {
+            return Ok(Place::Into);
         }
+        let Ok(next) = std::fs::read_link(&target) else { break };
+        target = target.with_file_name("").join(next);
+    }
+    let metadata = match metadata {
+        // Perhaps links to a file that is not there yet.
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Place::Onto(target, None)),
         metadata => metadata.map_err(unwritable)?,
     };
-    // The system's own names of open files, for example /dev/stdout: others write into the same file.
-    let open_elsewhere = ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder));
-    if metadata.is_file() && !open_elsewhere {
+    if metadata.is_file() {
         if metadata.permissions().readonly() {
             return Err(Error::file(path, "permissions", "must allow writing"));
         }
-        let target = path.canonicalize().map_err(unwritable)?;
         return Ok(Place::Onto(target, Some(metadata.permissions())));
     }
-    if metadata.is_file() || is_stream(metadata.file_type()) {
+    if is_stream(metadata.file_type()) {
         return Ok(Place::Into);
     }
     let rule = "must name a regular file, a pipe, a character device, or nothing yet";
     Err(Error::file(path, "file type", rule))
+}
+
+/// Whether a path is one of the system's own names of files that are open, which others write too.
+fn names_open_file(path: &Path) -> bool {
+    ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"].iter().any(|open| path.starts_with(open))
 }
 
 #[cfg(unix)]
@@ -64,12 +68,7 @@ fn is_stream(_: FileType) -> bool {
 }
 
 /// Checks that [`replace`] can write a file of this path, by creating and removing an empty one beside it.
-///
-/// # Errors
-///
-/// [`Error::File`] for a folder, a write-protected file, a block device and the like; [`Error::Io`] where no file can be made.
-pub fn check_writable(path: impl AsRef<Path>) -> Result<()> {
-    let path = path.as_ref();
+pub(crate) fn check_writable(path: &Path) -> Result<()> {
     if let Place::Onto(target, _) = place_of(path)? {
         let (part, _) = create_beside(&target).map_err(|e| Error::io(path, "cannot write", e))?;
         drop(Part { path: &part });

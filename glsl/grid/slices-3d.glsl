@@ -84,8 +84,7 @@ void main() {
     if (!own_pixel(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
-    vec2 shown = shown_of(interval, pixel);
-    uvec2 slabs = slabs_of(shown);
+    uvec2 slabs = slabs_of(shown_of(interval, pixel));
 
     // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();
@@ -102,7 +101,7 @@ void main() {
     float reached = -3e38, layers_until = layers_end(fma(float(push.first + push.count), h, z0));
     uint slab = slabs.x;
     while (slab < slabs.y && transmittance > opaque) {
-        float z = max(fma(float(slab), h, z0), shown.x);
+        float z = max(fma(float(slab), h, z0), interval.x);
         uint stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
         for (; slab < stop && transmittance > opaque; slab += AT_ONCE) {
             vec2 pieces[MOST_AT_ONCE];

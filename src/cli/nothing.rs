@@ -16,7 +16,7 @@ pub(crate) fn why_nothing(image: &Image, scene: &Scene, view: &View) -> Option<S
             let range = [low, high].map(number).join(" to ");
             format!("the transfer function has no extinction at the data's scalars, {range}")
         } else if !view.clip().is_none() {
-            "clip planes or the crop box cut away what has extinction".to_string()
+            "clip planes or the crop box may have cut away what has extinction".to_string()
         } else {
             "no ray of a pixel meets anything that has extinction".to_string()
         }
@@ -31,13 +31,15 @@ fn is_outside(scene: &Scene, view: &View) -> bool {
         let depth = relative.dot(view.forward());
         // What the camera sees widens with depth.
         let wide = if view.is_perspective() { depth } else { 1.0 };
+        // Rays of a parallel view begin before everything.
+        let behind = if view.is_perspective() { -depth } else { -1.0 };
         let [x, y] = [relative.dot(view.right()), relative.dot(view.up())];
         [
             x - half_width * wide,
             -x - half_width * wide,
             y - half_height * wide,
             -y - half_height * wide,
-            -depth,
+            behind,
         ]
     });
     (0..5).any(|side| corners.iter().all(|beyond| beyond[side] > 0.0))

@@ -1,7 +1,7 @@
 //! Output: lines on stdout and stderr, JSON files, checks of output paths, and progress bars.
 //!
-//! Paths are checked before any work, so that a long run does not fail at its end. Files are written under a
-//! temporary name and renamed when complete.
+//! Paths are checked before any work, so that a long run does not fail at its end. Regular files
+//! are written under a temporary name and renamed when complete.
 
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -111,7 +111,7 @@ pub(crate) fn check_folder(path: &Path) -> Result<()> {
     if !nearest.is_dir() {
         return Err(refuse(path, "folder", &format!("{} is not a folder", nearest.display())));
     }
-    check_writable(nearest.join("volraster")).map_err(|error| match error {
+    check_writable(nearest.join(".volraster-check")).map_err(|error| match error {
         Error::Io { action, source, .. } => Error::Io { path: path.to_path_buf(), action, source },
         other => other,
     })

@@ -36,7 +36,8 @@ pub fn write_image(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) 
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be written; no partial file remains.
+/// [`Error::Io`] if the file cannot be written, [`Error::File`] if it must not be replaced; no partial
+/// file remains.
 pub fn write_exr(path: impl AsRef<Path>, image: &Image) -> Result<()> {
     let pixel = |position: Vec2<usize>| {
         let [r, g, b, a] = image.pixels()[position.y() * num::index(image.width()) + position.x()];
@@ -101,7 +102,8 @@ pub fn read_exr(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Image> 
 ///
 /// # Errors
 ///
-/// [`Error::Io`] if the file cannot be written; no partial file remains.
+/// [`Error::Io`] if the file cannot be written, [`Error::File`] if it must not be replaced; no partial
+/// file remains.
 pub fn write_png(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) -> Result<()> {
     let opaque = background[3] >= 1.0;
     let channels = if opaque { 3 } else { 4 };

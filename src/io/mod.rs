@@ -20,7 +20,6 @@ mod report;
 pub mod scene_file;
 mod write;
 
-pub use crate::replace::check_writable;
 pub use crate::scene::Data;
 pub use build::arrays::{ArrayInfo, Association};
 pub use file::sample_type::{Endian, Pick, SampleType};
@@ -35,4 +34,4 @@ pub use registry::known_formats;
 pub use report::{Loaded, Report};
 pub use write::nrrd::write_nrrd;
 pub use write::vtu::write_vtu;
-pub use write::write_text;
+pub use write::{check_writable, write_text};

@@ -111,9 +111,11 @@ impl Files {
             }
             let source = Source::open(&path, options)?;
             // A file named as a slice must not be skipped silently if its content is not one.
-            if file::is_tiff(&source) || named(&path, tiff::Tiff.extensions()) {
+            // The preamble of DICOM may be the header of a TIFF file.
+            let is_dicom = recognise::is_dicom(&source);
+            if !is_dicom && (file::is_tiff(&source) || named(&path, tiff::Tiff.extensions())) {
                 files.slices.push(path);
-            } else if recognise::is_dicom(&source) || named(&path, dicom::Dicom.extensions()) {
+            } else if is_dicom || named(&path, dicom::Dicom.extensions()) {
                 files.images.push(path);
             } else if let Some(reader) = by_content(&source) {
                 files.others.push((path, reader.name()));

@@ -43,9 +43,6 @@ impl TimeAt {
     }
 }
 
-/// Part of an error from which on another one is the same.
-const SAME: f64 = 0.995;
-
 impl Front {
     /// Finds the front of some costs.
     ///
@@ -62,8 +59,8 @@ impl Front {
         sorted.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time).then(a.error.total_cmp(&b.error)));
         let mut members: Vec<(usize, Cost)> = Vec::new();
         for (place, cost) in sorted {
-            // A slower setting belongs to the front only if it is more accurate than all faster ones, to the digits that tables show.
-            if members.last().is_none_or(|(_, last)| cost.error < SAME * last.error) {
+            // A slower setting belongs to the front only if it is more accurate than all faster ones.
+            if members.last().is_none_or(|(_, last)| cost.error < last.error) {
                 members.push((place, cost));
             }
         }
@@ -112,9 +109,8 @@ mod tests {
 
     #[test]
     fn only_what_nothing_beats_is_on_the_front() {
-        // Beaten in both; equal in time; equal in error; a duplicate; less accurate by the fifth digit.
-        let costs =
-            [(4.0, 0.1), (5.0, 0.2), (4.0, 0.3), (6.0, 0.099_99), (1.0, 0.5), (1.0, 0.5), (9.0, 0.01)];
+        // Beaten in both; equal in time; equal in error; a duplicate.
+        let costs = [(4.0, 0.1), (5.0, 0.2), (4.0, 0.3), (6.0, 0.1), (1.0, 0.5), (1.0, 0.5), (9.0, 0.01)];
         assert_eq!(places(&costs), [4, 0, 6]);
         let members: Vec<Cost> = front(&costs).members().iter().map(|(_, cost)| *cost).collect();
         assert!(members.windows(2).all(|pair| pair[0].time < pair[1].time && pair[0].error > pair[1].error));

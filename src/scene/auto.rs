@@ -26,7 +26,8 @@ pub const ISOSURFACE_COLOUR: DVec3 = DVec3::new(0.9, 0.84, 0.7);
 ///   becomes a haze that shows the shape of the mesh; values above it are warm, values below it cool.
 /// - Points: low scalars become a haze. Points without scalars have one colour.
 /// - Values of both signs, of which neither is a mere undershoot of the other: magnitudes count, with warm colours above zero and cool
-///   ones below it ([`diverges`]). A grid whose background is not zero, as in computed tomography, has one foreground as above.
+///   ones below it ([`diverges`]). A grid with a background or a border of another value than zero, as in computed tomography, has one
+///   foreground as above, and a mesh with a background diverges around that.
 ///
 /// Knots are placed at quantiles of the foreground, by samples or by volume, so outliers have little
 /// influence and all data use the whole colour range. Extinction is scaled so that the densest tenth of the
@@ -57,7 +58,7 @@ pub fn transfer_of(data: &Data, kernels: Option<&Kernels>) -> Result<TransferFun
 }
 
 /// Derives a transfer function for maximum intensity projection: white, with an opacity over one voxel that rises linearly
-/// over the scalars that [`transfer`] shows, from 0 to 0.98.
+/// over the scalars that [`transfer`] shows, of those of both signs over the positive ones, from 0 to 0.98.
 ///
 /// # Errors
 ///

@@ -252,7 +252,11 @@ impl Args {
         }));
         // Counters known from the plan, and those of the device. A frame that counts samples takes longer, so it is none of the timed ones.
         let counts = self.stats.is_some() && matches!(scene.scene().data, Data::Grid(_));
-        let counted = if counts { Renderer::new(scene, technique).count(view)? } else { first.counters };
+        drop(plans);
+        let counted = match counts.then(|| Renderer::new(scene, technique).count(view)) {
+            Some(counted) if !counted.as_ref().is_err_and(input::is_refusal) => counted?,
+            _ => first.counters,
+        };
         stats["counters"] = known.into_iter().chain(counted).collect::<Value>();
         let line = format!("{name} ({route}) on {}: {width} x {height}, {time}", report.name);
         Ok(Drawn { image, map: map.transpose()?, stats, line })

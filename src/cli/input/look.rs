@@ -16,7 +16,7 @@ pub(crate) struct LookArgs {
     /// (maximum). The last two are for grids.
     #[arg(long, value_name = "emission|lit|maximum", value_parser = |name: &str| Mode::from_name(name).map_err(|error| error.to_string()))]
     mode: Option<Mode>,
-    /// Look from this side: the patient's where the file tells (DICOM, NIfTI), else the front is -y and up +z; or from so many
+    /// Look from this side: the patient's where the file tells, else the front is -y and up +z; or from so many
     /// degrees to the right of the front and upwards. Overrides the camera.
     #[arg(long, value_name = "front|back|left|right|top|bottom|iso|AZ,EL", allow_hyphen_values = true, value_parser = side)]
     view: Option<Side>,
@@ -56,6 +56,7 @@ impl LookArgs {
         let mut mode = self.mode;
         if let Some(s) = self.isosurface {
             scene.transfer = auto::isosurface(&scene.data, s, auto::ISOSURFACE_COLOUR)?;
+            settings.transfer_is_automatic = false;
             let can_be_lit = scene.grid().is_some() && scene.kernels.is_none();
             mode = mode.or(can_be_lit.then(|| Mode::Lit(Lighting::default())));
         } else if let (Some(mode), true) = (mode, settings.transfer_is_automatic) {
@@ -67,6 +68,7 @@ impl LookArgs {
         if self.isosurface.is_some() || mode.is_some() {
             settings.choice = None;
         }
+        settings.camera_is_automatic &= self.view.is_none() && self.zoom.is_none();
         let [width, height] = settings.view.extent();
         if let Some(side) = self.view {
             settings.view = settings.view.with_camera(auto::camera_of(&scene.data, side, width, height)?)?;

@@ -26,7 +26,15 @@ pub(crate) struct Request {
 impl Request {
     /// Parses `NAME[:key=value,...]`.
     pub(crate) fn parse(text: &str) -> Result<Self> {
-        Ok(Self { technique: Technique::parse(text)?, bare: !text.contains(':') })
+        let technique = Technique::parse(text)?;
+        let options = text.split_once(':').map_or("", |(_, options)| options);
+        let keys: Vec<&str> =
+            options.split(',').filter_map(|pair| Some(pair.split_once('=')?.0.trim())).collect();
+        if let Some((_, key)) = keys.iter().enumerate().find(|(i, key)| keys[..*i].contains(key)) {
+            let what = format!("{} option {key}", technique.method().name());
+            return Err(Error::Invalid { what, why: "given twice".to_string() });
+        }
+        Ok(Self { technique, bare: !text.contains(':') })
     }
 }
 

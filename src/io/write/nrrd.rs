@@ -24,7 +24,8 @@ const BLOCK: usize = 1 << 16;
 ///
 /// # Errors
 ///
-/// [`crate::Error::Io`] if the file cannot be written; no partial file remains.
+/// [`crate::Error::Io`] if the file cannot be written, [`crate::Error::File`] if it must not be replaced; no partial
+/// file remains.
 pub fn write_nrrd(path: impl AsRef<Path>, grid: &Grid) -> Result<Option<String>> {
     let rescaled = grid.rescale() != Rescale::IDENTITY;
     let kind = if rescaled { kind_of_values(grid) } else { kind_of(grid.samples()) };

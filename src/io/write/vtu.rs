@@ -35,7 +35,8 @@ const DIGITS: usize = 20;
 ///
 /// # Errors
 ///
-/// [`Error::File`] for a grid; [`Error::Io`] if the file cannot be written; no partial file remains.
+/// [`Error::File`] for a grid; [`Error::Io`] if the file cannot be written, [`Error::File`] if it must not be replaced; no partial
+/// file remains.
 pub fn write_vtu(path: impl AsRef<Path>, data: &Data, name: &str) -> Result<()> {
     let path = path.as_ref();
     let file = match data {

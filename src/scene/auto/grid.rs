@@ -50,11 +50,15 @@ fn foreground(grid: &Grid, values: &[f64]) -> Foreground {
     let peak = histogram.peak();
     let border = histogram.bin(quantile(&sorted(faces(grid)), 0.5));
     if border.abs_diff(peak) > BINS / 16 {
-        // There is no background to leave out.
-        return signs(values, HALVES).map_or(Foreground::Above(histogram.low), |_| Foreground::Beside(0.0));
+        // There is no background to leave out, but perhaps air around that fills less than the rest.
+        let is_amid = (BINS / 16..BINS - BINS / 16).contains(&border);
+        return match signs(values, HALVES).filter(|_| is_amid) {
+            Some(_) => Foreground::Beside(0.0),
+            None => Foreground::Above(histogram.low),
+        };
     }
     // Where the background is zero, both signs are foreground. (That of computed tomography is air, and far from zero.)
-    let is_zero = peak.abs_diff(histogram.bin(0.0)) <= BINS / 64;
+    let is_zero = peak.abs_diff(histogram.bin(0.0)) <= 1;
     if let Some(magnitude) = signs(values, TAILS).filter(|_| is_zero) {
         let feet = [true, false].map(|upwards| histogram.foot(peak, upwards).abs());
         return Foreground::Beside(feet[0].min(feet[1]).min(0.5 * magnitude));
@@ -197,7 +201,12 @@ mod tests {
             made(|p| -1000.0 + 1040.0 * f64::from(p.length() < 0.8) + 900.0 * f64::from(p.length() < 0.3));
         let undershoot = made(|p| bump(p, 0.0, 0.3) - 0.04 * bump(p, 0.5, 0.3));
         let wave = made(|p| 0.4 + (7.0 * p.x).sin() * (5.0 * p.y).cos() * 0.5);
-        for (grid, high) in [(air, 900.0), (undershoot, 0.9), (wave, 0.8)] {
+        // Computed tomography that was cropped to the body, with air in its corners or within.
+        let cropped =
+            made(|p| if p.abs().max_element() > 0.95 { -1000.0 } else { 40.0 + 1100.0 * bump(p, 0.0, 0.3) });
+        let lungs = made(|p| 40.0 + 1500.0 * bump(p, 0.5, 0.2) - 900.0 * bump(p, -0.4, 0.3));
+        for (grid, high) in [(air, 900.0), (undershoot, 0.9), (wave, 0.8), (cropped, 1100.0), (lungs, 1400.0)]
+        {
             let transfer = transfer(&grid).unwrap();
             assert!(!crate::scene::auto::diverges(&transfer), "{transfer:?}");
             assert!(transfer.at(high).1 > 0.5 * transfer.max_tau(), "{transfer:?}");

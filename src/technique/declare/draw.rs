@@ -108,10 +108,7 @@ pub(crate) trait Draw: TechniqueOptions {
 /// Reads `key`, `value` pairs.
 pub(crate) fn parse<T: TechniqueOptions>(pairs: &[(String, String)]) -> Result<T> {
     let mut options = T::default();
-    for (i, (key, text)) in pairs.iter().enumerate() {
-        if pairs[..i].iter().any(|(other, _)| other == key) {
-            return Err(declare::refused(T::NAME, key, "given twice"));
-        }
+    for (key, text) in pairs {
         declare::set(&mut options, T::NAME, T::key(key, text), text)?;
     }
     check(&options)?;

@@ -528,8 +528,9 @@ fn a_single_slice_is_a_slab() {
     let one = &ramp()[1];
     for (slice, thickness, whence) in [
         (with(one, THICKNESS, decimals(&[3.0])), 3.0, "its SliceThickness"),
-        (with(one, THICKNESS, decimals(&[0.0])), 0.25, "a pixel: it has no SliceThickness"),
-        (one.clone(), 0.25, "a pixel: it has no SliceThickness"),
+        (with(one, THICKNESS, text("DS", "5,0")), 0.25, "a pixel: it has no usable SliceThickness"),
+        (with(one, THICKNESS, decimals(&[0.0])), 0.25, "a pixel: it has no usable SliceThickness"),
+        (one.clone(), 0.25, "a pixel: it has no usable SliceThickness"),
     ] {
         let loaded = Sample::one("one", "a.dcm", EXPLICIT.file(&slice)).loaded();
         let warning = format!("1 slice: it is drawn as a slab of {thickness} mm, {whence}");
@@ -549,8 +550,14 @@ fn a_preamble_of_another_format_is_still_dicom() {
         bytes[..8].copy_from_slice(b"II*\0\x10\x05\0\0");
         (format!("f/{z}.dcm"), bytes)
     });
-    let loaded = Sample { what: "dual", files: files.collect() }.loaded();
-    assert_eq!((loaded.report.format, grid(loaded).dims()), ("DICOM", [4, 2, 3]));
+    let sample = Sample { what: "dual", files: files.collect() };
+    let folder = Folder::new();
+    for (name, bytes) in &sample.files {
+        folder.write(name, bytes);
+    }
+    for loaded in [sample.loaded(), read(folder.path("f"), &OPTIONS).unwrap()] {
+        assert_eq!((loaded.report.format, grid(loaded).dims()), ("DICOM", [4, 2, 3]));
+    }
 }
 
 #[test]

@@ -120,7 +120,11 @@ impl Case {
     /// Counts samples and fetches of a grid, in a frame that is not timed.
     pub(super) fn count(&mut self, scene: &Arc<GpuScene>, view: &View) -> Result<()> {
         if self.drawing.is_some() && matches!(scene.scene().data, Data::Grid(_)) {
-            self.counts = Renderer::new(scene, self.technique).count(view)?;
+            self.counts = match Renderer::new(scene, self.technique).count(view) {
+                // One more frame may not fit the memory of the device.
+                Err(error) if is_refusal(&error) => Vec::new(),
+                counted => counted?,
+            };
         }
         Ok(())
     }

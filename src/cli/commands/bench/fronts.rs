@@ -26,6 +26,16 @@ pub(super) struct Fronts<'a> {
     lines: Vec<TechniqueFront<'a>>,
 }
 
+/// Returns the members of a front without those that are slower at an error that is the same but for half a percent.
+fn distinct(members: &[(usize, Cost)]) -> impl Iterator<Item = &(usize, Cost)> {
+    let mut last = f64::INFINITY;
+    members.iter().filter(move |(_, cost)| {
+        let differs = cost.error < 0.995 * last;
+        last = if differs { cost.error } else { last };
+        differs
+    })
+}
+
 impl<'a> Fronts<'a> {
     /// Computes the fronts of the cases of one view. Wrong images do not count.
     pub(super) fn new(records: &[&'a Record]) -> Self {
@@ -73,7 +83,7 @@ impl<'a> Fronts<'a> {
             };
             json!({
                 "technique": line.method.name(),
-                "members": line.front.members().iter().map(member).collect::<Vec<_>>(),
+                "members": distinct(line.front.members()).map(member).collect::<Vec<_>>(),
                 "at": ERRORS.map(at),
             })
         };
@@ -87,7 +97,7 @@ impl<'a> Fronts<'a> {
             name: line.method.name().to_string(),
             style: style(line.method.name()),
             dashed: false,
-            line: line.front.members().iter().map(|(_, cost)| place(cost)).collect(),
+            line: distinct(line.front.members()).map(|(_, cost)| place(cost)).collect(),
             dots: line.measured.iter().map(|(_, cost)| place(cost)).collect(),
         };
         let titles = Titles {

@@ -20,7 +20,8 @@ pub(super) fn scene_file(
     if SceneFile::is_at(path, &arrays.options()) {
         return Err(refuse(path, "--scene", "a scene file is one already"));
     }
-    let file = path.canonicalize();
+    // Formats and parts of a file are found by its own name, so links are not followed.
+    let file = std::path::absolute(path);
     let file =
         file.map_err(|source| Error::Io { path: path.to_path_buf(), action: "cannot open", source })?;
     let Some(file) = file.to_str() else {

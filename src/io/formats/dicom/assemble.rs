@@ -114,9 +114,11 @@ pub(crate) fn assemble(
 
 /// Makes two slices of a single one, the faces of the slab that it stands for.
 fn slab(slice: Slice, header: &Header, frame: &Frame) -> ([Slice; 2], String) {
-    let known = header.plane_of(slice.frame).thickness.filter(|thickness| *thickness > 0.0);
-    let thickness = known.unwrap_or(frame.spacing[0].min(frame.spacing[1]));
-    let whence = if known.is_some() { "its SliceThickness" } else { "a pixel: it has no SliceThickness" };
+    let pixel = frame.spacing[0].min(frame.spacing[1]);
+    let known = header.plane_of(slice.frame).thickness.filter(|thickness| *thickness > 0.01 * pixel);
+    let thickness = known.unwrap_or(pixel);
+    let whence =
+        if known.is_some() { "its SliceThickness" } else { "a pixel: it has no usable SliceThickness" };
     let face = |side: f64| Slice {
         position: slice.position + frame.normal * (side * thickness),
         height: slice.height + side * thickness,

@@ -218,7 +218,8 @@ impl<'a, 'b> Pass<'a, 'b> {
         };
         let (Some(plane), walk) = (plane, &mut self.walk) else { return Ok(()) };
         match element.tag {
-            (0x0018, 0x0050) => plane.thickness = walk.decimals(element)?.map(|[n]| n),
+            // Only a single slice needs it.
+            (0x0018, 0x0050) => plane.thickness = walk.decimals(element).ok().flatten().map(|[n]| n),
             (0x0020, 0x0032) => plane.position = walk.decimals(element)?,
             (0x0020, 0x0037) => plane.orientation = walk.decimals(element)?,
             (0x0028, 0x0030) => plane.spacing = walk.decimals(element)?,
