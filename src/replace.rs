@@ -1,4 +1,4 @@
-//! Files that appear complete or not at all: written beside their place, then renamed. The next writer of a file removes the parts that
+//! Files that appear complete or not at all: written beside their place, then renamed. Pipes and devices are written into. The next writer of a file removes the parts that
 //! killed processes have left there: a lock tells whether a part is being written.
 
 use std::ffi::{OsStr, OsString};

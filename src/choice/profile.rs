@@ -154,14 +154,18 @@ impl Profile {
     /// # Errors
     ///
     /// Those of [`Profile::store`].
-    pub fn check_store(gpu: &Gpu) -> Result<PathBuf> {
+    pub fn check_store(gpu: &Gpu) -> Result<()> {
+        crate::replace::check_writable(&Self::place(gpu)?)
+    }
+
+    /// Returns the path of a device's profile, in a folder that exists.
+    fn place(gpu: &Gpu) -> Result<PathBuf> {
         let Some(path) = Self::path(gpu) else {
             return Err(Error::unsupported("a profile", "neither XDG_CACHE_HOME nor HOME is set"));
         };
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).map_err(|source| Error::io(folder, "write", source))?;
         }
-        crate::replace::check_writable(&path)?;
         Ok(path)
     }
 
@@ -171,7 +175,7 @@ impl Profile {
     ///
     /// [`Error::Io`] naming the file; [`Error::Unsupported`] if the user has no cache folder.
     pub fn store(&self, gpu: &Gpu) -> Result<PathBuf> {
-        let path = Self::check_store(gpu)?;
+        let path = Self::place(gpu)?;
         let report = gpu.report();
         let cost = |(spec, &(rmse, ms)): (&String, _)| StoredCost { technique: spec.clone(), rmse, ms };
         let stored = Stored {

@@ -29,7 +29,7 @@ fn is_outside(scene: &Scene, view: &View) -> bool {
     let corners = scene.data.corners().map(|corner| {
         let relative = corner - view.camera().eye;
         let depth = relative.dot(view.forward());
-        // What the camera sees widens with depth.
+        // The view of an eye widens with depth.
         let wide = if view.is_perspective() { depth } else { 1.0 };
         // Rays of a parallel view begin before everything.
         let behind = if view.is_perspective() { -depth } else { -1.0 };

@@ -18,6 +18,12 @@ pub struct Rescale {
 }
 
 impl Rescale {
+    /// Returns the range of values whose stored numbers have this range.
+    pub(crate) fn of_range(self, stored: [f64; 2]) -> [f64; 2] {
+        let [a, b] = stored.map(|stored| self.slope * stored + self.intercept);
+        [a.min(b), a.max(b)]
+    }
+
     /// The identity: stored numbers are the values.
     pub const IDENTITY: Self = Self { slope: 1.0, intercept: 0.0 };
 }
@@ -231,9 +237,7 @@ impl Grid {
     /// Returns the smallest and the largest finite value after the rescale, in ascending order.
     #[must_use]
     pub fn range(&self) -> [f64; 2] {
-        let a = self.rescale.slope * self.range[0] + self.rescale.intercept;
-        let b = self.rescale.slope * self.range[1] + self.rescale.intercept;
-        [a.min(b), a.max(b)]
+        self.rescale.of_range(self.range)
     }
 
     /// Returns the number of NaN samples. Every cell that touches one is vacuum.

@@ -11,7 +11,7 @@ use volraster::technique::FrameTime;
 use volraster::{Error, GpuScene, Image, Renderer, Result, Technique, choice};
 
 use crate::cli::in_flight::InFlight;
-use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, LookArgs, Request, Size};
+use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, LookArgs, Request, Size, finite, positive};
 use crate::cli::memory::{peak_rss_bytes, summed};
 use crate::cli::nothing::why_nothing;
 use crate::cli::outcome::{Outcome, check_validation};
@@ -265,16 +265,6 @@ impl Args {
 
 /// Probability that the bound of an estimated error holds.
 const CONFIDENCE: f64 = 0.95;
-
-/// Parses a finite number.
-fn finite(text: &str) -> std::result::Result<f64, String> {
-    text.parse().ok().filter(|n: &f64| n.is_finite()).ok_or_else(|| "must be a finite number".to_string())
-}
-
-/// Parses a positive number.
-fn positive(text: &str) -> std::result::Result<f64, String> {
-    finite(text).ok().filter(|n| *n > 0.0).ok_or_else(|| "must be a positive number".to_string())
-}
 
 fn source(source: Source) -> &'static str {
     match source {

@@ -63,6 +63,16 @@ impl Size {
     }
 }
 
+/// Parses a finite number.
+pub(crate) fn finite(text: &str) -> std::result::Result<f64, String> {
+    text.parse().ok().filter(|n: &f64| n.is_finite()).ok_or_else(|| "must be a finite number".to_string())
+}
+
+/// Parses a positive number.
+pub(crate) fn positive(text: &str) -> std::result::Result<f64, String> {
+    finite(text).ok().filter(|n| *n > 0.0).ok_or_else(|| "must be a positive number".to_string())
+}
+
 /// The arrays of a file to read. They override those of a scene file.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct ArraysArgs {

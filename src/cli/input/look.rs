@@ -4,6 +4,7 @@ use volraster::Result;
 use volraster::scene::auto::Side;
 use volraster::scene::{Lighting, Mode, auto};
 
+use super::args::{finite, positive};
 use super::scene::Input;
 
 /// What to show of the data, in place of what a scene file says.
@@ -21,7 +22,7 @@ pub(crate) struct LookArgs {
     #[arg(long, value_name = "front|back|left|right|top|bottom|iso|AZ,EL", allow_hyphen_values = true, value_parser = side)]
     view: Option<Side>,
     /// Show things this many times as large.
-    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, value_parser = factor)]
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, value_parser = positive)]
     zoom: Option<f64>,
 }
 
@@ -30,7 +31,7 @@ fn side(text: &str) -> std::result::Result<Side, String> {
     if let Some((_, side)) = Side::NAMED.iter().find(|(name, _)| *name == text) {
         return Ok(*side);
     }
-    let angle = |text: &str| text.trim().parse().ok().filter(|angle: &f64| angle.is_finite());
+    let angle = |text: &str| finite(text.trim()).ok();
     let angles = text.split_once(',').map(|(azimuth, elevation)| [angle(azimuth), angle(elevation)]);
     match angles {
         Some([Some(azimuth), Some(elevation)]) if elevation.abs() <= 90.0 => {
@@ -41,12 +42,6 @@ fn side(text: &str) -> std::result::Result<Side, String> {
             Err(format!("must be {names}, or two angles in degrees, the second from -90 to 90"))
         }
     }
-}
-
-/// Parses a positive number.
-fn factor(text: &str) -> std::result::Result<f64, String> {
-    let number = text.parse().ok().filter(|n: &f64| *n > 0.0 && n.is_finite());
-    number.ok_or_else(|| "must be a positive number".to_string())
 }
 
 impl LookArgs {

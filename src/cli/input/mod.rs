@@ -7,7 +7,7 @@ mod look;
 mod scene;
 mod technique;
 
-pub(crate) use args::{ArraysArgs, DeviceArgs, Size};
+pub(crate) use args::{ArraysArgs, DeviceArgs, Size, finite, positive};
 pub(crate) use look::LookArgs;
 pub(crate) use scene::{Input, Settings, drawn};
 pub(crate) use technique::{

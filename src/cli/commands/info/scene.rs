@@ -5,12 +5,11 @@ use std::fmt::Write as _;
 use serde_json::{Map, Value, json};
 use volraster::glam::DVec3;
 use volraster::scene::{
-    Camera, Clip, Kernel, Kernels, Lighting, Mode, Model, Projection, Shading, Surface, TransferFunction,
-    auto,
+    Camera, Clip, Kernel, Kernels, Lighting, Mode, Model, Shading, Surface, TransferFunction, auto,
 };
 
 use super::facts::Facts;
-use super::scene_file::lighting_json;
+use super::scene_file::{lighting_json, projection, rows};
 use crate::cli::numbers::{number, triple};
 use crate::cli::table;
 
@@ -108,9 +107,7 @@ impl Facts {
 
     /// Adds the transfer function; its text follows all lines.
     pub(super) fn transfer(&mut self, transfer: &TransferFunction, is_automatic: bool) {
-        let knots = transfer.knots();
-        let knots: Vec<[f64; 5]> =
-            knots.iter().map(|k| [k.s, k.colour.x, k.colour.y, k.colour.z, k.tau]).collect();
+        let knots = rows(transfer);
         self.put(json!({"transfer": knots}));
         if is_automatic && auto::diverges(transfer) {
             self.put(json!({"diverging": true}));
@@ -129,10 +126,7 @@ impl Facts {
 
     /// Adds the camera.
     pub(super) fn camera(&mut self, camera: &Camera, is_automatic: bool) {
-        let (key, value) = match camera.projection {
-            Projection::Perspective { fov_y_deg } => ("fov_y_deg", fov_y_deg),
-            Projection::Orthographic { half_height } => ("half_height", half_height),
-        };
+        let (key, value) = projection(camera);
         let [eye, target, up] = [camera.eye, camera.target, camera.up].map(|v| v.to_array());
         self.put(json!({
             "camera": {"eye": eye, "target": target, "up": up, "automatic": is_automatic, key: value},

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 use volraster::io::scene_file::SceneFile;
-use volraster::scene::{Lighting, Mode, Projection, Scene};
+use volraster::scene::{Camera, Lighting, Mode, Projection, Scene, TransferFunction};
 use volraster::{Error, Result};
 
 use crate::cli::input::{ArraysArgs, Settings};
@@ -33,25 +33,34 @@ pub(super) fn scene_file(
         "grid" => "volume",
         kind => kind,
     };
-    let knots = scene.transfer.knots().iter();
-    let knots: Vec<[f64; 5]> = knots.map(|k| [k.s, k.colour.x, k.colour.y, k.colour.z, k.tau]).collect();
     let camera = settings.view.camera();
-    let (key, value) = match camera.projection {
-        Projection::Perspective { fov_y_deg } => ("fov_y_deg", fov_y_deg),
-        Projection::Orthographic { half_height } => ("half_height", half_height),
-    };
+    let (key, value) = projection(camera);
     let [eye, target, up] = [camera.eye, camera.target, camera.up].map(|v| v.to_array());
     let lighting = if let Mode::Lit(lighting) = scene.mode { lighting_json(lighting) } else { Value::Null };
     let [width, height] = settings.view.extent();
     Ok(without_nulls(json!({
         data_key: data,
-        "transfer": knots,
+        "transfer": rows(&scene.transfer),
         "mode": (scene.mode != Mode::Emission).then(|| scene.mode.name()),
         "lighting": lighting,
         "camera": {"eye": eye, "target": target, "up": up, key: value},
         "image": {"width": width, "height": height},
         "background": settings.background,
     })))
+}
+
+/// Returns the knots of a transfer function as rows of scalar, colour and extinction.
+pub(super) fn rows(transfer: &TransferFunction) -> Vec<[f64; 5]> {
+    let knots = transfer.knots().iter();
+    knots.map(|k| [k.s, k.colour.x, k.colour.y, k.colour.z, k.tau]).collect()
+}
+
+/// Returns the key of a camera's projection, and its value.
+pub(super) fn projection(camera: &Camera) -> (&'static str, f64) {
+    match camera.projection {
+        Projection::Perspective { fov_y_deg } => ("fov_y_deg", fov_y_deg),
+        Projection::Orthographic { half_height } => ("half_height", half_height),
+    }
 }
 
 /// Returns the keys of a scene's light.

@@ -180,19 +180,20 @@ fn cell_data_follows_its_cell_and_point_data_its_point() {
     assert!(mesh.points().iter().zip(values).all(|(p, v)| (linear(*p) - f64::from(*v)).abs() < 1e-6));
 }
 
+/// The corners of a unit cube from x on, and the middles of its edges.
+fn quadratic_hexahedron(x: f64) -> Vec<DVec3> {
+    let corner = HEXAHEDRON.map(|c| DVec3::from_array(c) + DVec3::X * x);
+    let edges =
+        [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]];
+    corner.into_iter().chain(edges.map(|[a, b]| (corner[a] + corner[b]) / 2.0)).collect()
+}
+
 /// Two quadratic hexahedra side by side: their common face is cut alike, and new centres carry the field.
 #[test]
 fn quadratic_cells_match_and_their_centres_have_values() {
     let mut dataset = Dataset::default();
     for x in [0.0, 1.0] {
-        let corner = HEXAHEDRON.map(|c| DVec3::from_array(c) + DVec3::X * x);
-        let mut nodes = corner.to_vec();
-        for [a, b] in
-            [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]]
-        {
-            nodes.push((corner[a] + corner[b]) / 2.0);
-        }
-        dataset.add(25, &nodes, true);
+        dataset.add(25, &quadratic_hexahedron(x), true);
     }
     let (mesh, notes) = mesh_of(dataset, "field");
     assert_conforming(&mesh, 2.0, 10.0);
@@ -206,14 +207,7 @@ fn quadratic_cells_match_and_their_centres_have_values() {
 #[test]
 fn centres_keep_within_the_values_of_their_nodes() {
     let mut dataset = Dataset::default();
-    let corner = HEXAHEDRON.map(DVec3::from_array);
-    let mut nodes = corner.to_vec();
-    for [a, b] in
-        [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]]
-    {
-        nodes.push((corner[a] + corner[b]) / 2.0);
-    }
-    dataset.add(25, &nodes, true);
+    dataset.add(25, &quadratic_hexahedron(0.0), true);
     let options = ReadOptions { array: Some("field".into()), ..ReadOptions::within(1 << 24) };
     let field =
         |p: DVec3| if p.cmpeq(DVec3::splat(0.5)).any() { 9.0 } else { 10.0 + p.x + 2.0 * p.y + 4.0 * p.z };

@@ -99,11 +99,7 @@ pub(crate) fn assemble(
         .map_err(located)?;
     if same {
         grid = grid.with_rescale(rescale).map_err(located)?;
-        let rescaled = |range: [f64; 2]| {
-            let [a, b] = range.map(|stored| rescale.slope * stored + rescale.intercept);
-            [a.min(b), a.max(b)]
-        };
-        file_range = file_range.map(rescaled);
+        file_range = file_range.map(|stored| rescale.of_range(stored));
     }
     let mut loaded = Loaded::new(NAME, grid.with_anatomy(Anatomy::Lps));
     loaded.report.file_range = file_range;
