@@ -13,7 +13,7 @@ use super::trial::drawn;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, user_cache_folder};
 use crate::resident::GpuScene;
-use crate::scene::presets::PRESETS;
+use crate::scene::presets::Preset;
 use crate::scene::{Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, View};
 
 /// The source of a profile.
@@ -240,9 +240,8 @@ fn scene_of(&(field, sides, look, side): &(&str, Sides, &str, u32)) -> Result<(S
         Sides::Points(count, radius) => field.points(count)?.with_size(KernelSize::Radius(radius))?.into(),
     };
     let top = if matches!(sides, Sides::Samples(_, "u8")) { 255.0 } else { 1.0 };
-    let preset = PRESETS.iter().find(|known| known.name == look);
-    let unknown = || Error::invalid("transfer function", format!("\"{look}\": is not a preset"));
-    let mut scene = Scene::new(data, preset.ok_or_else(unknown)?.transfer([0.0, top], 1.0)?);
+    let transfer = Preset::named(look)?.transfer(&data, None, Some([0.0, top]), Some(1.0))?;
+    let mut scene = Scene::new(data, transfer);
     if let Sides::Kernels(_, kernel, model) = sides {
         scene = scene.with_kernels(Kernels { kernel, model, ..Kernels::of_samples() })?;
     }

@@ -89,7 +89,7 @@ impl vr_scene {
         let [width, height] = if [width, height] == [0; 2] { extent } else { [width, height] };
         let camera = match camera {
             Some(camera) => camera,
-            None => auto::camera(&self.scene.scene().data, width, height)?,
+            None => auto::camera(self.scene.scene(), width, height)?,
         };
         Ok(View::new(camera, width, height)?.with_clip(clip))
     }

@@ -7,12 +7,16 @@ mod grid;
 mod mesh;
 mod points;
 mod statistics;
+mod visible;
 
 pub use framing::{Side, camera, camera_of};
+pub use visible::visible;
 
 use glam::DVec3;
 
-use super::{Data, Kernels, Knot, TransferFunction};
+pub(super) use self::statistics::DEPTH;
+use self::statistics::{COOL, WARM, knot, quantile, sorted};
+use super::{Data, Kernels, Knot, Lighting, Mode, TransferFunction};
 use crate::error::{Error, Result};
 
 /// The colour of an isosurface that none is chosen for: linear RGB, bone.
@@ -57,6 +61,83 @@ pub fn transfer_of(data: &Data, kernels: Option<&Kernels>) -> Result<TransferFun
     }
 }
 
+/// Derives a transfer function for a mode: [`maximum`] for maximum intensity projection, else [`transfer_of`].
+///
+/// # Errors
+///
+/// Those of either.
+pub fn transfer_in(data: &Data, kernels: Option<&Kernels>, mode: Mode) -> Result<TransferFunction> {
+    if mode == Mode::Maximum { maximum(data) } else { transfer_of(data, kernels) }
+}
+
+/// Returns a transfer function with its extinction scaled so that the densest tenth of the rays through what it shows has this optical depth.
+///
+/// # Errors
+///
+/// [`Error::Invalid`] if an extinction is not finite then.
+pub fn fitted(
+    data: &Data,
+    kernels: Option<&Kernels>,
+    transfer: &TransferFunction,
+    depth: f64,
+) -> Result<TransferFunction> {
+    let dense = match data {
+        Data::Grid(grid) => grid::dense_depth(grid, transfer),
+        Data::Mesh(mesh) => mesh::dense_depth(mesh, transfer),
+        Data::Points(points) => {
+            points::dense_depth(points, kernels.unwrap_or(&Kernels::of_points()), transfer)
+        }
+    };
+    transfer.thickened(depth / dense)
+}
+
+/// Returns finite scalars of an evenly spread, repeatable subset of the data, ascending: samples of a grid, equal shares of a mesh's
+/// volume, or visible points.
+fn values(data: &Data) -> Vec<f64> {
+    match data {
+        Data::Grid(grid) => sorted(grid::all_samples(grid)),
+        Data::Mesh(mesh) => mesh::drawn(mesh),
+        Data::Points(points) => points::shown(points),
+    }
+}
+
+/// Returns the shape of a transfer function that grows both ways from a middle, with cool colours below it and warm ones above: from zero for
+/// data of both signs, else from their median.
+pub(super) fn diverging(data: &Data) -> Result<TransferFunction> {
+    const TAUS: [f64; 7] = [0.0, 0.01, 0.05, 0.15, 0.35, 0.65, 1.0];
+    let [least, greatest] = data.range();
+    let values = values(data);
+    let one_sign = least >= 0.0 || greatest <= 0.0;
+    let middle = if one_sign && !values.is_empty() { quantile(&values, 0.5) } else { 0.0 };
+    let magnitudes = sorted(values.into_iter().map(|s| (s - middle).abs()).collect());
+    let reach = [quantile(&magnitudes, 0.999), (greatest - middle).max(middle - least)];
+    let reach = reach.into_iter().find(|reach| *reach > 0.0).unwrap_or(1.0);
+    let side = |sign: f64, colours: [[f64; 3]; 7]| {
+        (0..7_u8)
+            .zip(TAUS)
+            .zip(colours)
+            .map(move |((i, tau), colour)| knot(middle + sign * reach * f64::from(i) / 6.0, tau, colour))
+    };
+    TransferFunction::new(
+        side(-1.0, COOL).collect::<Vec<_>>().into_iter().rev().chain(side(1.0, WARM)).collect(),
+    )
+}
+
+/// Returns the lower and upper end of the positive scalars, without outliers, for scales of their logarithm.
+pub(super) fn decades(data: &Data) -> Result<[f64; 2]> {
+    let mut values = values(data);
+    values.retain(|s| *s > 0.0);
+    let [low, high] = [0.01, 0.9995].map(|share| quantile(&values, share));
+    if low < high {
+        return Ok([low, high]);
+    }
+    let [least, greatest] = data.range();
+    Err(Error::invalid(
+        "preset log",
+        format!("requires different scalars above zero, these are {least} to {greatest}"),
+    ))
+}
+
 /// Derives a transfer function for maximum intensity projection: white, with an opacity over one voxel that rises linearly
 /// over the scalars that [`transfer`] shows, of those of both signs over the positive ones, from 0 to 0.98.
 ///
@@ -88,6 +169,13 @@ pub fn diverges(transfer: &TransferFunction) -> bool {
     low < 0.0
         && high > 0.0
         && knots.iter().zip(knots.iter().rev()).all(|(a, b)| a.s == -b.s && a.tau == b.tau)
+}
+
+/// Returns the mode in which solid bodies are shown: lit in a grid, emission elsewhere.
+#[must_use]
+pub fn lit(data: &Data, kernels: Option<&Kernels>) -> Mode {
+    let can_be_lit = matches!(data, Data::Grid(_)) && kernels.is_none();
+    if can_be_lit { Mode::Lit(Lighting::default()) } else { Mode::Emission }
 }
 
 /// Makes the transfer function of an isosurface: vacuum below a scalar, one colour from it on, which is opaque within a

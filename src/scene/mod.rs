@@ -11,6 +11,7 @@ mod camera;
 #[cfg(feature = "io")]
 mod cells;
 mod clip;
+mod colour_map;
 #[cfg(feature = "io")]
 mod cut;
 mod data;
@@ -18,6 +19,7 @@ pub(crate) mod field;
 pub(crate) mod grid;
 mod kernel;
 mod mode;
+mod opacity;
 mod points;
 pub(crate) mod predicates;
 pub mod presets;
@@ -25,17 +27,19 @@ mod samples;
 mod surface;
 mod tets;
 pub(crate) mod topology;
-mod transfer;
+pub(crate) mod transfer;
 
 pub use camera::{Camera, Projection, View};
 #[cfg(feature = "io")]
 pub use cells::CellKind;
 pub use clip::{Clip, ClipPlane};
+pub use colour_map::ColourMap;
 pub use data::Data;
 pub use field::Field;
 pub use grid::{Anatomy, Grid, Rescale};
 pub use kernel::{Kernel, Kernels, Model};
 pub use mode::{Lighting, Mode};
+pub use opacity::Opacity;
 pub use points::{KernelSize, Points};
 pub use samples::Samples;
 pub use surface::{Shading, Surface};

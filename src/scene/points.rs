@@ -231,6 +231,11 @@ impl Points {
     /// visible or the size is unknown, these are the bounds of the centres.
     #[must_use]
     pub fn reach(&self) -> [DVec3; 2] {
+        self.reach_of(|_| true).unwrap_or(self.bounds)
+    }
+
+    /// Returns the bounds of the kernels of those visible points that are wanted, or `None` without any.
+    pub(crate) fn reach_of(&self, wanted: impl Fn(usize) -> bool) -> Option<[DVec3; 2]> {
         let deviations = |c: &[f32; 6]| DVec3::new(c[0].into(), c[3].into(), c[5].into()).map(f64::sqrt);
         let reach = |i: usize| match self.size() {
             KernelSize::Unknown => DVec3::ZERO,
@@ -239,12 +244,12 @@ impl Points {
             KernelSize::Covariances(all) => 3.0 * deviations(&all[i]),
         };
         let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        let shown = (0..self.centres.len()).filter(|&i| self.shows(i));
+        let shown = (0..self.centres.len()).filter(|&i| self.shows(i) && wanted(i));
         let [low, high] = shown.fold(none, |[low, high], i| {
             let (centre, reach) = (self.centres[i], reach(i));
             [low.min(centre - reach), high.max(centre + reach)]
         });
-        if low.x <= high.x { [low, high] } else { self.bounds }
+        (low.x <= high.x).then_some([low, high])
     }
 
     /// Returns the median distance from a point to its nearest neighbour at another place, in world units, or

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::error::{Error, Result};
+use crate::scene::colour_map::ColourMap;
 
 /// A knot of a transfer function.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,6 +103,86 @@ impl TransferFunction {
         (a.colour + (b.colour - a.colour) * w, a.tau + (b.tau - a.tau) * w)
     }
 
+    /// Returns the values just below a scalar and at it; they differ at a jump.
+    fn limits(&self, s: f64) -> [(DVec3, f64); 2] {
+        let at = self.at(s);
+        let below = match self.knots.iter().find(|knot| knot.s >= s) {
+            Some(knot) if knot.s == s => (knot.colour, knot.tau),
+            _ => at,
+        };
+        [below, at]
+    }
+
+    /// Returns the function with the colours of one function and the extinction of another.
+    #[must_use]
+    pub fn combined(colours: &Self, extinction: &Self) -> Self {
+        let mut scalars: Vec<f64> =
+            [colours, extinction].iter().flat_map(|f| f.knots.iter().map(|knot| knot.s)).collect();
+        scalars.sort_unstable_by(f64::total_cmp);
+        scalars.dedup();
+        let mut knots = Vec::with_capacity(scalars.len());
+        for s in scalars {
+            let [below, at] = [0, 1].map(|side| Knot {
+                s,
+                colour: colours.limits(s)[side].0,
+                tau: extinction.limits(s)[side].1,
+            });
+            knots.extend(std::iter::once(below).chain((at != below).then_some(at)));
+        }
+        Self { knots }
+    }
+
+    /// Returns the function with the colours of a map, linear in the scalar from the first knot to the last.
+    #[must_use]
+    pub fn coloured(&self, map: ColourMap) -> Self {
+        const STEPS: u8 = 64;
+        let [low, high] = self.domain();
+        let shares = (0..=STEPS).map(|i| f64::from(i) / f64::from(STEPS));
+        let colours = map.colours(usize::from(STEPS) + 1);
+        let knots = shares.zip(colours).map(|(share, colour)| Knot {
+            s: low + (high - low) * share,
+            colour,
+            tau: 0.0,
+        });
+        Self::combined(
+            &Self { knots: if low < high { knots.collect() } else { knots.last().into_iter().collect() } },
+            self,
+        )
+    }
+
+    /// Returns the function with one colour.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if a component is negative or not finite.
+    pub fn in_colour(&self, colour: DVec3) -> Result<Self> {
+        Self::new(self.knots.iter().map(|knot| Knot { colour, ..*knot }).collect())
+    }
+
+    /// Returns the function stretched linearly, so that it begins and ends at the bounds of a range. A function of one scalar is constant and stays.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] unless the lower bound is below the upper one, and both are finite.
+    pub fn stretched(&self, [low, high]: [f64; 2]) -> Result<Self> {
+        check_range([low, high])?;
+        let [from, to] = self.domain();
+        if from == to {
+            return Ok(self.clone());
+        }
+        let place = |s: f64| low + (high - low) * ((s - from) / (to - from));
+        Self::new(self.knots.iter().map(|knot| Knot { s: place(knot.s), ..*knot }).collect())
+    }
+
+    /// Returns the function with its extinction multiplied by a factor.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if a product is negative or not finite.
+    pub fn thickened(&self, factor: f64) -> Result<Self> {
+        Self::new(self.knots.iter().map(|knot| Knot { tau: knot.tau * factor, ..*knot }).collect())
+    }
+
     /// Returns the largest component of any knot's colour.
     #[must_use]
     pub fn max_colour(&self) -> f64 {
@@ -113,6 +194,14 @@ impl TransferFunction {
     pub fn max_tau(&self) -> f64 {
         self.knots.iter().map(|knot| knot.tau).fold(0.0, f64::max)
     }
+}
+
+/// Checks that the lower bound of a range of scalars is below the upper one, and both are finite.
+pub(crate) fn check_range([low, high]: [f64; 2]) -> Result<()> {
+    if low < high && (high - low).is_finite() {
+        return Ok(());
+    }
+    Err(Error::invalid("range", format!("[{low}, {high}]: the first must be below the second")))
 }
 
 #[cfg(test)]
@@ -135,6 +224,33 @@ mod tests {
         assert_eq!(tf.at(f64::INFINITY).1, 5.0);
         assert_eq!(tf.at(f64::NAN).1, 0.0);
         assert_eq!(tf.domain(), [0.0, 2.0]);
+    }
+
+    #[test]
+    fn colours_and_extinction_combine_and_keep_their_jumps() {
+        let row = |s: f64, r: f64, tau: f64| [s, r, 0.0, 0.0, tau];
+        let colours = TransferFunction::from_rows(&[row(0.0, 0.0, 9.0), row(4.0, 1.0, 9.0)]).unwrap();
+        let jump = TransferFunction::from_rows(&[row(1.0, 5.0, 0.0), row(2.0, 5.0, 1.0), row(2.0, 5.0, 7.0)])
+            .unwrap();
+        let both = TransferFunction::combined(&colours, &jump);
+        let rows: Vec<[f64; 3]> = both.knots().iter().map(|knot| [knot.s, knot.colour.x, knot.tau]).collect();
+        assert_eq!(
+            rows,
+            [[0.0, 0.0, 0.0], [1.0, 0.25, 0.0], [2.0, 0.5, 1.0], [2.0, 0.5, 7.0], [4.0, 1.0, 7.0]]
+        );
+        let grey = jump.coloured(ColourMap::Grey);
+        assert_eq!((grey.at(1.0).0, grey.at(2.0).0), (DVec3::ZERO, DVec3::ONE));
+        assert_eq!(
+            [0.0, 1.5, 2.0 - 1e-12, 2.0, 3.0].map(|s| grey.at(s).1),
+            [0.0, 1.5, 2.0 - 1e-12, 2.0, 3.0].map(|s| jump.at(s).1)
+        );
+        let constant = TransferFunction::from_rows(&[row(3.0, 1.0, 1.0)]).unwrap();
+        assert_eq!(constant.coloured(ColourMap::Grey).at(0.0), (DVec3::ONE, 1.0));
+        assert_eq!(jump.stretched([-10.0, 10.0]).unwrap().domain(), [-10.0, 10.0]);
+        assert_eq!(jump.thickened(2.0).unwrap().at(2.0).1, 14.0);
+        for range in [[1.0, 1.0], [2.0, 1.0], [f64::NAN, 1.0], [-1e308, 1e308]] {
+            assert!(jump.stretched(range).is_err(), "{range:?}");
+        }
     }
 
     #[test]

@@ -805,9 +805,13 @@ fn presets_stretch_and_scale() {
     let grid = Field::Blobs.sample([8, 9, 10], "u8").unwrap();
     assert_eq!(transfer(r#"{"preset": "grey"}"#).domain(), grid.range());
     for preset in PRESETS {
-        let made = preset.transfer([10.0, 20.0], 1.0).unwrap();
-        assert_eq!((made.domain(), made.at(10.0).1), ([10.0, 20.0], 0.0), "{}", preset.name);
-        assert!(made.max_tau() > 0.0 && !preset.purpose.is_empty());
+        let made = transfer(&format!(r#"{{"preset": "{}", "tau_scale": 3}}"#, preset.name));
+        assert_eq!(
+            made,
+            preset.transfer(&grid.clone().into(), None, None, Some(3.0)).unwrap(),
+            "{}",
+            preset.name
+        );
     }
     folder.write("knots.json", "[[0,0,0,0,0],[1,1,1,1,9]]");
     folder.write("preset.json", r#"{"preset": "fog", "range": [0, 255]}"#);

@@ -47,7 +47,7 @@ fn views_are_sides_or_angles() {
     ] {
         folder.run(&format!("-q render scene.json -o view.exr {options}")).done();
         let loaded = folder.scene(SCENE).unwrap();
-        let camera = camera_of(&loaded.scene.data, side, 64, 48).unwrap().zoomed(zoom).unwrap();
+        let camera = camera_of(&loaded.scene, side, 64, 48).unwrap().zoomed(zoom).unwrap();
         let scene = GpuScene::new(&Gpu::new(&GpuOptions::default()).unwrap(), loaded.scene);
         let technique = Technique::parse("slices-3d:step=0.5").unwrap();
         let image = Renderer::new(&scene, technique).render(&View::new(camera, 64, 48).unwrap()).unwrap();

@@ -15,9 +15,7 @@ use crate::io::scene_file::document::{DataSpec, Document};
 use crate::io::scene_file::technique::TechniqueChoice;
 use crate::io::scene_file::transfer::Recipe;
 use crate::io::scene_file::{mode, surfaces};
-use crate::scene::{
-    Camera, Clip, Data, Kernels, Lighting, Mode, Scene, Surface, TransferFunction, View, auto,
-};
+use crate::scene::{Camera, Clip, Kernels, Mode, Scene, Surface, TransferFunction, View, auto};
 
 /// Everything that an image needs, read and checked.
 #[derive(Clone, Debug)]
@@ -97,7 +95,7 @@ impl LoadedScene {
     /// As [`View::new`] and [`auto::camera`].
     pub fn view(&self, width: u32, height: u32) -> Result<View> {
         let camera = if self.camera_is_automatic && [width, height] != [self.width, self.height] {
-            auto::camera(&self.scene.data, width, height)?
+            auto::camera(&self.scene, width, height)?
         } else {
             self.camera
         };
@@ -112,22 +110,22 @@ impl LoadedScene {
         let transfer_is_automatic = rest.transfer.is_none();
         let transfer = match rest.transfer {
             Some(transfer) => transfer,
-            None if rest.mode == Mode::Maximum => auto::maximum(&data).map_err(located)?,
-            None => auto::transfer_of(&data, rest.kernels.as_ref()).map_err(located)?,
+            None => auto::transfer_in(&data, rest.kernels.as_ref(), rest.mode).map_err(located)?,
         };
-        let camera_is_automatic = rest.camera.is_none();
-        let camera = match rest.camera {
-            Some(camera) => camera,
-            None => auto::camera(&data, width, height).map_err(located)?,
-        };
-        View::new(camera, width, height).map_err(located)?;
         let mut scene = Scene::new(data, transfer);
         if let Some(kernels) = rest.kernels {
             scene = scene.with_kernels(kernels).map_err(located)?;
         }
         let scene = scene.with_mode(rest.mode).map_err(|error| error.at_place(path, "mode"))?;
+        let scene = scene.with_surfaces(rest.surfaces);
+        let camera_is_automatic = rest.camera.is_none();
+        let camera = match rest.camera {
+            Some(camera) => camera,
+            None => auto::camera(&scene, width, height).map_err(located)?,
+        };
+        View::new(camera, width, height).map_err(located)?;
         Ok(Self {
-            scene: scene.with_surfaces(rest.surfaces),
+            scene,
             clip: rest.clip,
             camera,
             camera_is_automatic,
@@ -214,12 +212,9 @@ impl SceneFile {
             DataSpec::Mesh(mesh) => mesh.load(path, options)?,
             DataSpec::Points(points) => points.load(path, options)?,
         };
-        // An isosurface of a grid is lit unless the file says otherwise.
-        let lit = recipe.as_ref().is_some_and(Recipe::is_isosurface)
-            && matches!(source.data, Data::Grid(_))
-            && kernels.is_none();
-        let mode = mode.unwrap_or(if lit { Mode::Lit(Lighting::default()) } else { Mode::Emission });
-        let transfer = recipe.map(|recipe| recipe.build(&source.data)).transpose()?;
+        let own = recipe.as_ref().map(|recipe| recipe.mode(&source.data, kernels.as_ref()));
+        let mode = mode.or(own).unwrap_or(Mode::Emission);
+        let transfer = recipe.map(|recipe| recipe.build(&source.data, kernels.as_ref())).transpose()?;
         let Document { background, technique, .. } = document;
         let rest = Rest { kernels, transfer, mode, camera, extent, background, technique, surfaces, clip };
         LoadedScene::assemble(path, source, rest)

@@ -11,8 +11,9 @@ use crate::error::{Error, Result};
 use crate::io::file::json::parse_file;
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::beside;
-use crate::scene::presets::{PRESETS, stretch};
-use crate::scene::{Data, TransferFunction, auto};
+use crate::scene::presets::Preset;
+use crate::scene::transfer::check_range;
+use crate::scene::{Data, Kernels, Mode, TransferFunction, auto};
 
 /// The value of `transfer`: knots, a preset, an isosurface, or a file that holds one of them.
 pub(crate) enum TransferSpec {
@@ -58,7 +59,7 @@ impl<'de> Deserialize<'de> for TransferSpec {
 /// A transfer function that may still need the data.
 pub(crate) enum Recipe {
     Ready(TransferFunction),
-    Stretched { path: PathBuf, rows: &'static [[f64; 5]], range: Option<[f64; 2]>, tau_scale: f64 },
+    Preset { path: PathBuf, preset: Preset, range: Option<[f64; 2]>, tau_scale: Option<f64> },
     Isosurface { path: PathBuf, s: f64, colour: DVec3 },
 }
 
@@ -104,40 +105,38 @@ impl Recipe {
                 file: None,
                 isosurface: None,
                 colour: None,
-            }) => (name, range, tau_scale.unwrap_or(1.0)),
+            }) => (name, range, tau_scale),
             TransferSpec::Preset(_) => {
                 let rule = "must have either `preset`, `range` and `tau_scale`, or `isosurface` and `colour`, or `file`";
                 return refuse("transfer", rule.to_owned());
             }
         };
-        let Some(preset) = PRESETS.iter().find(|preset| preset.name == name) else {
-            let names = PRESETS.map(|preset| preset.name).join(", ");
-            return refuse("transfer.preset", format!("\"{name}\": must be one of {names}"));
-        };
-        if let Some([lo, hi]) = range
-            && !(lo < hi && (hi - lo).is_finite())
+        let preset = Preset::named(&name).map_err(|error| error.at_place(path, "transfer"))?;
+        range.map_or(Ok(()), check_range).map_err(|error| error.at_place(path, "transfer"))?;
+        if let Some(scale) = tau_scale
+            && !(scale >= 0.0 && scale.is_finite())
         {
-            return refuse("transfer.range", format!("[{lo}, {hi}]: the first must be below the second"));
+            return refuse("transfer.tau_scale", format!("{scale}: must be finite and not negative"));
         }
-        if !(tau_scale >= 0.0 && tau_scale.is_finite()) {
-            return refuse("transfer.tau_scale", format!("{tau_scale}: must be finite and not negative"));
-        }
-        Ok(Self::Stretched { path: path.to_path_buf(), rows: preset.rows, range, tau_scale })
+        Ok(Self::Preset { path: path.to_path_buf(), preset, range, tau_scale })
     }
 
-    /// Returns whether it shows an isosurface.
-    pub(crate) fn is_isosurface(&self) -> bool {
-        matches!(self, Self::Isosurface { .. })
+    /// Returns the mode that suits it.
+    pub(crate) fn mode(&self, data: &Data, kernels: Option<&Kernels>) -> Mode {
+        match self {
+            Self::Ready(_) => Mode::Emission,
+            Self::Preset { preset, .. } => preset.mode(data, kernels),
+            Self::Isosurface { .. } => auto::lit(data, kernels),
+        }
     }
 
     /// Builds the transfer function for data.
-    pub(crate) fn build(self, data: &Data) -> Result<TransferFunction> {
+    pub(crate) fn build(self, data: &Data, kernels: Option<&Kernels>) -> Result<TransferFunction> {
         match self {
             Self::Ready(transfer) => Ok(transfer),
-            Self::Stretched { path, rows, range, tau_scale } => {
-                let range = range.unwrap_or_else(|| data.range());
-                stretch(rows, range, tau_scale).map_err(|error| error.in_file(&path))
-            }
+            Self::Preset { path, preset, range, tau_scale } => preset
+                .transfer(data, kernels, range, tau_scale)
+                .map_err(|error| error.at_place(&path, "transfer")),
             Self::Isosurface { path, s, colour } => auto::isosurface(data, s, colour)
                 .map_err(|error| error.at_place(&path, "transfer.isosurface")),
         }

@@ -3,13 +3,12 @@
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::scene::{Anatomy, Camera, Data, Projection, View};
+use crate::scene::auto::visible;
+use crate::scene::{Anatomy, Camera, Grid, Projection, Scene, View};
 
 /// Vertical angle of view, in degrees.
 const FOV_Y_DEG: f64 = 30.0;
-/// Where the eye is without a choice: degrees from the front to the viewer's right, and upwards.
-const CHOSEN: [f64; 2] = [35.0, 20.0];
-/// Share of the half image that the data's box fills in the tighter direction.
+/// Share of the half image that the box fills in the tighter direction.
 const FILL: f64 = 0.98;
 
 /// A side of the data that a camera sees.
@@ -34,6 +33,9 @@ pub enum Side {
 }
 
 impl Side {
+    /// The side that [`camera`] chooses.
+    pub const CHOSEN: Self = Self::From(35.0, 20.0);
+
     /// The sides by name.
     pub const NAMED: [(&'static str, Self); 7] = [
         ("front", Self::Front),
@@ -62,8 +64,8 @@ impl Side {
     }
 }
 
-/// Returns a perspective camera that frames the data's box from the front, rotated to one side and slightly
-/// from above.
+/// Returns a perspective camera that frames what the scene shows of its data ([`visible`]) from the front, rotated to one side and
+/// slightly from above.
 ///
 /// Where a grid's [`Anatomy`] is known, up is superior and the front is anterior; the eye is rotated towards
 /// the patient's left. Otherwise up is +z and the front is -y, because most scanners stack slices along z.
@@ -72,17 +74,17 @@ impl Side {
 ///
 /// [`crate::Error::Invalid`] if `width` or `height` is not a valid image side, or if the box is so large, so
 /// small or so far from the origin that no camera sees it in float64.
-pub fn camera(data: &Data, width: u32, height: u32) -> Result<Camera> {
-    camera_of(data, Side::From(CHOSEN[0], CHOSEN[1]), width, height)
+pub fn camera(scene: &Scene, width: u32, height: u32) -> Result<Camera> {
+    camera_of(scene, Side::CHOSEN, width, height)
 }
 
-/// Returns a perspective camera that frames the data's box from a side.
+/// Returns a perspective camera that frames what the scene shows of its data ([`visible`]) from a side.
 ///
 /// # Errors
 ///
 /// Those of [`camera`]; [`crate::Error::Invalid`] for angles of [`Side::From`] that are not finite, or an elevation beyond 90 degrees.
-pub fn camera_of(data: &Data, side: Side, width: u32, height: u32) -> Result<Camera> {
-    let anatomy = if let Data::Grid(grid) = data { grid.anatomy() } else { Anatomy::Unknown };
+pub fn camera_of(scene: &Scene, side: Side, width: u32, height: u32) -> Result<Camera> {
+    let anatomy = scene.grid().map_or(Anatomy::Unknown, Grid::anatomy);
     let [azimuth, elevation] = side.direction(anatomy);
     if !(azimuth.is_finite() && elevation.abs() <= 90.0) {
         let why = format!("{azimuth},{elevation}: must be finite, the second from -90 to 90 degrees");
@@ -102,7 +104,7 @@ pub fn camera_of(data: &Data, side: Side, width: u32, height: u32) -> Result<Cam
     let up = if elevation.abs() > 89.9 { across * -elevation.signum() } else { DVec3::Z };
 
     // Move the eye back until every corner of the box lies inside the image.
-    let corners = data.corners();
+    let corners = visible(scene);
     let target = 0.5 * (corners[0] + corners[7]);
     let at = |distance: f64| Camera {
         eye: target + towards * distance,
@@ -128,7 +130,12 @@ pub fn camera_of(data: &Data, side: Side, width: u32, height: u32) -> Result<Cam
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Field, Grid, Samples};
+    use crate::scene::{Data, Field, Samples, TransferFunction};
+
+    /// Shows all of the data.
+    fn shown(data: impl Into<Data>) -> Scene {
+        Scene::new(data, TransferFunction::from_rows(&[[0.0, 1.0, 1.0, 1.0, 1e3]]).unwrap())
+    }
 
     #[test]
     fn every_corner_lies_in_the_image_and_superior_is_up() {
@@ -140,7 +147,7 @@ mod tests {
                 let origin = DVec3::new(-3.0, 70.0, 5.0);
                 let grid =
                     grid.with_placement(DVec3::from_array(spacing), origin, glam::DMat3::IDENTITY).unwrap();
-                let camera = camera(&grid.clone().into(), width, height).unwrap();
+                let camera = camera(&shown(grid.clone()), width, height).unwrap();
                 let view = View::new(camera, width, height).unwrap();
                 let mut reach = 0.0_f64;
                 for corner in grid.corners() {
@@ -161,9 +168,8 @@ mod tests {
 
     #[test]
     fn sides_are_the_patient_s_or_the_axes() {
-        let grid = |anatomy| {
-            Data::from(Grid::new([8, 9, 10], Samples::U8(vec![1; 720])).unwrap().with_anatomy(anatomy))
-        };
+        let grid =
+            |anatomy| shown(Grid::new([8, 9, 10], Samples::U8(vec![1; 720])).unwrap().with_anatomy(anatomy));
         // Where the eye is from the target, and what is up in the image.
         let seen = |anatomy, side| {
             let view = View::new(camera_of(&grid(anatomy), side, 64, 64).unwrap(), 64, 64).unwrap();
@@ -200,7 +206,7 @@ mod tests {
         let mesh =
             crate::scene::Tets::new(points, mesh.cells().to_vec(), crate::scene::TetScalars::Point(scalars));
         let data = Data::from(mesh.unwrap().0);
-        let camera = camera(&data, 300, 200).unwrap();
+        let camera = camera(&shown(data.clone()), 300, 200).unwrap();
         assert_eq!(camera.target, DVec3::ZERO);
         let view = View::new(camera, 300, 200).unwrap();
         let heights = data.corners().map(|corner| (view.project(corner).unwrap().0.y / 100.0 - 1.0).abs());

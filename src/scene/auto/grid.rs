@@ -10,11 +10,8 @@ use crate::scene::grid::turned;
 use crate::scene::{Grid, Knot, TransferFunction};
 
 pub(super) fn transfer(grid: &Grid) -> Result<TransferFunction> {
-    let knots = shape(grid);
-    let depth = dense_depth(grid, &TransferFunction::new(knots.clone())?);
-    // Features that every ray misses are a few samples wide.
-    let scale = DEPTH / if depth > 0.0 { depth } else { grid.spacing().max_element() };
-    TransferFunction::new(knots.into_iter().map(|knot| Knot { tau: knot.tau * scale, ..knot }).collect())
+    let shape = TransferFunction::new(shape(grid))?;
+    shape.thickened(DEPTH / dense_depth(grid, &shape))
 }
 
 /// Returns the knots, with extinction relative to its largest value.
@@ -71,14 +68,16 @@ fn foreground(grid: &Grid, values: &[f64]) -> Foreground {
     }
 }
 
-/// Returns the 90 % quantile of optical depth over index-aligned rays, leaving out nearly empty ones.
-fn dense_depth(grid: &Grid, transfer: &TransferFunction) -> f64 {
+/// Returns the 90 % quantile of optical depth over index-aligned rays, leaving out nearly empty ones; positive.
+pub(super) fn dense_depth(grid: &Grid, transfer: &TransferFunction) -> f64 {
     let rays = (0..3).flat_map(|axis| spread(grid, axis, RAYS).map(move |ray| (axis, ray)));
     let depth = |(axis, ray)| {
         let taus = (0..grid.dims()[axis]).map(|i| transfer.at(value(grid, axis, ray, i)).1);
         taus.sum::<f64>() * grid.spacing()[axis]
     };
-    quantile(&substantial(rays.map(depth).collect()), 0.9)
+    let depth = quantile(&substantial(rays.map(depth).collect()), 0.9);
+    // Features that every ray misses are a few samples wide.
+    if depth > 0.0 { depth } else { grid.spacing().max_element() }
 }
 
 /// Returns numbers of about `wanted` rays along an axis, counted over the face that they cross.
@@ -97,7 +96,7 @@ fn value(grid: &Grid, axis: usize, ray: usize, i: u32) -> f64 {
 }
 
 /// Returns an evenly spread, repeatable subset of the samples.
-fn all_samples(grid: &Grid) -> Vec<f64> {
+pub(super) fn all_samples(grid: &Grid) -> Vec<f64> {
     let samples = grid.samples();
     let rescale = grid.rescale();
     let stride = stride(samples.len(), SAMPLES);

@@ -71,7 +71,7 @@ fn tet(mesh: &Tets, cell: usize) -> Option<([DVec3; 4], [f64; 4])> {
 }
 
 /// Returns values that represent equal shares of the volume, ascending.
-fn drawn(mesh: &Tets) -> Vec<f64> {
+pub(super) fn drawn(mesh: &Tets) -> Vec<f64> {
     let count = mesh.cells().len();
     let mut values: Vec<(f64, f64)> = (0..count)
         .into_par_iter()
@@ -97,7 +97,7 @@ fn drawn(mesh: &Tets) -> Vec<f64> {
 }
 
 /// Returns the 90 % quantile of optical depth over axis-aligned rays, leaving out nearly empty ones.
-fn dense_depth(mesh: &Tets, transfer: &TransferFunction) -> f64 {
+pub(super) fn dense_depth(mesh: &Tets, transfer: &TransferFunction) -> f64 {
     let depths = (0..3).into_par_iter().flat_map(|axis| ray_depths(mesh, transfer, axis)).collect();
     let depth = quantile(&substantial(depths), 0.9);
     let [low, high] = mesh.bounds();

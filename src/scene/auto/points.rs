@@ -29,9 +29,10 @@ pub(super) fn transfer(points: &Points, kernels: &Kernels) -> Result<TransferFun
 
 /// Returns the knots, with extinction relative to its largest value.
 fn shape(points: &Points) -> Vec<Knot> {
-    let Some(scalars) = points.scalars() else { return vec![knot(1.0, 1.0, PLAIN)] };
-    let shown = (0..scalars.len()).step_by(stride(scalars.len(), SAMPLES)).filter(|&i| points.shows(i));
-    let values = sorted(shown.map(|i| f64::from(scalars[i])).collect());
+    if points.scalars().is_none() {
+        return vec![knot(1.0, 1.0, PLAIN)];
+    }
+    let values = shown(points);
     let [low, high] = [quantile(&values, 0.0), quantile(&values, 1.0)];
     // All values are equal, or no point of the subset is visible.
     if values.is_empty() || low >= high {
@@ -45,6 +46,13 @@ fn shape(points: &Points) -> Vec<Knot> {
     let foot = quantile(&values, 0.001);
     let above = &values[values.partition_point(|s| *s <= foot)..];
     ramp(foot, above, &WARM)
+}
+
+/// Returns scalars of a subset of the visible points, ascending.
+pub(super) fn shown(points: &Points) -> Vec<f64> {
+    let scalars = points.scalars().unwrap_or_default();
+    let shown = (0..scalars.len()).step_by(stride(scalars.len(), SAMPLES)).filter(|&i| points.shows(i));
+    sorted(shown.map(|i| f64::from(scalars[i])).collect())
 }
 
 /// A kernel projected along an axis: a Gaussian footprint, and the Gaussian along the ray through its centre.
@@ -114,7 +122,7 @@ struct RaySums {
 
 /// Returns the 90 % quantile of optical depth over axis-aligned rays, leaving out nearly empty ones;
 /// positive.
-fn dense_depth(points: &Points, kernels: &Kernels, transfer: &TransferFunction) -> f64 {
+pub(super) fn dense_depth(points: &Points, kernels: &Kernels, transfer: &TransferFunction) -> f64 {
     let depths = (0..3).into_par_iter().flat_map(|axis| ray_depths(points, kernels, transfer, axis));
     let depths = substantial(depths.collect());
     // Rays rarely meet small kernels, which then rarely overlap: measure single kernels.

@@ -258,15 +258,15 @@ impl StandardScene {
     ///
     /// [`Error::Invalid`](volraster::Error::Invalid) when the scene names an unknown field.
     pub(super) fn load(&self) -> Result<Scene> {
-        let range @ [lo, hi] = self.range();
+        let (data, range @ [lo, hi]) = (self.data()?, self.range());
         let transfer = match self.look {
-            Look::Preset(preset) => preset.transfer(range, 1.0)?,
+            Look::Preset(preset) => preset.transfer(&data, None, Some(range), Some(1.0))?,
             Look::Rows(rows) => {
                 let stretched = rows.iter().map(|&[s, r, g, b, tau]| [lo + (hi - lo) * s, r, g, b, tau]);
                 TransferFunction::from_rows(&stretched.collect::<Vec<_>>())?
             }
         };
-        let scene = Scene::new(self.data()?, transfer).with_surfaces(self.cut.surfaces()?);
+        let scene = Scene::new(data, transfer).with_surfaces(self.cut.surfaces()?);
         if matches!(self.shape, Gaussians(_)) { scene.with_kernels(GAUSSIANS) } else { Ok(scene) }
     }
 

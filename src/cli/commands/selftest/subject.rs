@@ -4,7 +4,8 @@ use volraster::Result;
 use volraster::glam::DVec3;
 use volraster::io::scene_file::{PRESETS, Preset};
 use volraster::scene::{
-    Camera, Field, Kernel, KernelSize, Kernels, Model, Points, Projection, Scene, TransferFunction, View,
+    Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Points, Projection, Scene, TransferFunction,
+    View,
 };
 use volraster::technique::Method;
 
@@ -54,18 +55,17 @@ impl Subject {
 
     /// Makes the scene.
     pub(crate) fn scene(self) -> Result<Scene> {
-        let transfer = FOG.transfer(self.range(), 1.0)?;
-        match self {
-            Self::Grid(kind) => Ok(Scene::new(Field::Blobs.sample([12, 11, 10], kind)?, transfer)),
-            Self::Gaussians => {
-                Scene::new(Field::Blobs.sample([9, 8, 7], "f32")?, transfer).with_kernels(GAUSSIANS)
-            }
-            Self::Mesh => Ok(Scene::new(Field::Blobs.tets(3)?, transfer)),
+        let data: Data = match self {
+            Self::Grid(kind) => Field::Blobs.sample([12, 11, 10], kind)?.into(),
+            Self::Gaussians => Field::Blobs.sample([9, 8, 7], "f32")?.into(),
+            Self::Mesh => Field::Blobs.tets(3)?.into(),
             Self::Points => {
-                let points = Points::of_vertices(&Field::Blobs.tets(4)?)?;
-                Ok(Scene::new(points.with_size(KernelSize::Radius(0.5))?, transfer))
+                Points::of_vertices(&Field::Blobs.tets(4)?)?.with_size(KernelSize::Radius(0.5))?.into()
             }
-        }
+        };
+        let transfer = FOG.transfer(&data, None, Some(self.range()), Some(1.0))?;
+        let scene = Scene::new(data, transfer);
+        if matches!(self, Self::Gaussians) { scene.with_kernels(GAUSSIANS) } else { Ok(scene) }
     }
 
     /// Returns another transfer function for the subject.

@@ -1,0 +1,218 @@
+//! The part of the data that a transfer function shows.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::num;
+use crate::scene::grid::box_corners;
+use crate::scene::{Data, Grid, KernelSize, Points, Scene, TetScalars, Tets, TransferFunction};
+
+/// The least optical depth along the diagonal of the data's box that is visible.
+const LEAST: f64 = 0.1;
+
+/// The share of a layer's cells that may be visible and yet count as noise.
+const NOISE: f64 = 2e-5;
+
+/// Returns the corners of a box that holds what the scene shows of its data: in the order of [`Data::corners`], with the same axes, and no larger.
+///
+/// Visible is what has an optical depth of 0.1 along the diagonal of the data. Single cells of a grid's layers count as noise. Where nothing is visible, or triangle
+/// meshes stand beside the data, it is the box of the data.
+#[must_use]
+pub fn visible(scene: &Scene) -> [DVec3; 8] {
+    let all = scene.data.corners();
+    let shown = Shown::of(&scene.transfer, LEAST / all[0].distance(all[7]));
+    let found = match &scene.data {
+        _ if !scene.surfaces.is_empty() => None,
+        Data::Grid(grid) => of_grid(grid, &shown),
+        Data::Mesh(mesh) => of_mesh(mesh, &shown),
+        Data::Points(points) => of_points(points, &shown),
+    };
+    found.unwrap_or(all)
+}
+
+/// The scalars that are visible: intervals in ascending order.
+struct Shown(Vec<[f64; 2]>);
+
+impl Shown {
+    /// Collects the scalars with at least this extinction.
+    fn of(transfer: &TransferFunction, least: f64) -> Self {
+        let knots = transfer.knots();
+        let (first, last) = (knots[0], knots[knots.len() - 1]);
+        let beyond = |s: f64, tau: f64, end: f64| (tau >= least).then_some([s.min(end), s.max(end)]);
+        let pieces = knots.windows(2).filter_map(|pair| {
+            let [a, b] = [pair[0], pair[1]];
+            let crossing = a.s + (b.s - a.s) * ((least - a.tau) / (b.tau - a.tau)).clamp(0.0, 1.0);
+            match (a.tau >= least, b.tau >= least) {
+                (true, true) => Some([a.s, b.s]),
+                (true, false) => Some([a.s, crossing]),
+                (false, true) => Some([crossing, b.s]),
+                (false, false) => None,
+            }
+        });
+        let ends = [beyond(first.s, first.tau, f64::NEG_INFINITY), beyond(last.s, last.tau, f64::INFINITY)];
+        let mut intervals: Vec<[f64; 2]> = ends[0].into_iter().chain(pieces).chain(ends[1]).collect();
+        // Adjacent pieces are one interval.
+        intervals.dedup_by(|next, last| {
+            let touches = next[0] <= last[1];
+            last[1] = if touches { next[1] } else { last[1] };
+            touches
+        });
+        Self(intervals)
+    }
+
+    /// Returns whether any scalar from one to another is visible.
+    fn meets(&self, [low, high]: [f64; 2]) -> bool {
+        self.0.iter().any(|[from, to]| *from <= high && *to >= low)
+    }
+}
+
+/// Finds the first and the last visible layer of cells along each axis, from outside inwards.
+fn of_grid(grid: &Grid, shown: &Shown) -> Option<[DVec3; 8]> {
+    let mut bounds = NONE;
+    for axis in 0..3 {
+        let layers = grid.dims()[axis] - 1;
+        let low = (0..layers).find(|&layer| layer_shows(grid, shown, axis, layer))?;
+        let high = (low..layers).rev().find(|&layer| layer_shows(grid, shown, axis, layer))?;
+        (bounds[0][axis], bounds[1][axis]) = (f64::from(low), f64::from(high + 1));
+    }
+    Some(box_corners(bounds).map(|corner| grid.world_of_index(corner)))
+}
+
+/// Returns whether more than noise is visible in the cells between two layers of samples.
+fn layer_shows(grid: &Grid, shown: &Shown, axis: usize, layer: u32) -> bool {
+    let dims = grid.dims();
+    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+    let value = |i: u32, j: u32, k: u32| {
+        let mut index = [0; 3];
+        (index[axis], index[u], index[v]) = (k, i, j);
+        grid.value(index[0], index[1], index[2])
+    };
+    // Least and greatest of the samples at a place of both layers in two rows; NaN makes a cell vacuum.
+    let column = |i: u32, j: u32| {
+        let all =
+            [(j, layer), (j + 1, layer), (j, layer + 1), (j + 1, layer + 1)].map(|(j, k)| value(i, j, k));
+        let least = all.into_iter().fold(f64::INFINITY, f64::min);
+        let greatest = all.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        if all.iter().any(|s| s.is_nan()) { [f64::NAN; 2] } else { [least, greatest] }
+    };
+    let (columns, rows) = (dims[u] - 1, dims[v] - 1);
+    let visible: usize = (0..rows)
+        .into_par_iter()
+        .map(|j| {
+            let mut last = column(0, j);
+            let cells = (1..=columns).filter(|&i| {
+                let next = column(i, j);
+                let cell = [last[0].min(next[0]), last[1].max(next[1])];
+                let vacuum = last[0].is_nan() || next[0].is_nan();
+                last = next;
+                !vacuum && shown.meets(cell)
+            });
+            cells.count()
+        })
+        .sum();
+    num::f64_of(visible) > NOISE * f64::from(columns) * f64::from(rows)
+}
+
+/// Bounds that hold nothing.
+const NONE: [DVec3; 2] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+
+fn joined([low, high]: [DVec3; 2], [other_low, other_high]: [DVec3; 2]) -> [DVec3; 2] {
+    [low.min(other_low), high.max(other_high)]
+}
+
+fn of_mesh(mesh: &Tets, shown: &Shown) -> Option<[DVec3; 8]> {
+    let bounds = mesh.cells().par_iter().enumerate().map(|(cell, corners)| {
+        let corners = corners.map(num::index);
+        let s = match mesh.scalars() {
+            TetScalars::Point(values) => corners.map(|i| f64::from(values[i])),
+            TetScalars::Cell(values) => [f64::from(values[cell]); 4],
+        };
+        let range =
+            s.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| [low.min(*s), high.max(*s)]);
+        let visible = !s.iter().any(|s| s.is_nan()) && shown.meets(range);
+        corners.iter().filter(|_| visible).fold(NONE, |bounds, &i| joined(bounds, [mesh.points()[i]; 2]))
+    });
+    let [low, high] = bounds.reduce(|| NONE, joined);
+    (low.x <= high.x).then(|| box_corners([low, high]))
+}
+
+fn of_points(points: &Points, shown: &Shown) -> Option<[DVec3; 8]> {
+    let scalars = points.scalars()?;
+    if *points.size() == KernelSize::Unknown {
+        return None;
+    }
+    let [low, high] = points.reach_of(|i| shown.meets([f64::from(scalars[i]); 2]))?;
+    // A single point without extent is no box.
+    (low != high).then(|| box_corners([low, high]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Field, Samples, Surface};
+
+    fn extent(scene: &Scene) -> [DVec3; 2] {
+        let corners = visible(scene);
+        [corners[0], corners[7]]
+    }
+
+    fn ramp(from: f64, to: f64) -> TransferFunction {
+        TransferFunction::from_rows(&[[from, 1.0, 1.0, 1.0, 0.0], [to, 1.0, 1.0, 1.0, 5.0]]).unwrap()
+    }
+
+    #[test]
+    fn a_grid_is_cut_to_its_visible_layers() {
+        // A block from 5 to 8, 3 to 9 and 2 to 4 in 20^3 samples, and a single bright cell as noise.
+        let value = |i: u32| {
+            let [x, y, z] = [i % 20, i / 20 % 20, i / 400];
+            if (5..=8).contains(&x) && (3..=9).contains(&y) && (2..=4).contains(&z) { 200 } else { 0 }
+        };
+        let grid = |samples: Vec<u8>| Grid::new([20; 3], Samples::U8(samples)).unwrap();
+        let samples: Vec<u8> = (0..8000).map(value).collect();
+        let scene = Scene::new(grid(samples.clone()), ramp(100.0, 200.0));
+        assert_eq!(extent(&scene), [DVec3::new(4.0, 2.0, 1.0), DVec3::new(9.0, 10.0, 5.0)]);
+        // A band between the block's scalar and that of the air shows their border alone.
+        let band = TransferFunction::from_rows(&[
+            [90.0, 1.0, 1.0, 1.0, 0.0],
+            [100.0, 1.0, 1.0, 1.0, 9.0],
+            [110.0, 1.0, 1.0, 1.0, 0.0],
+        ]);
+        assert_eq!(extent(&Scene::new(grid(samples), band.unwrap())), extent(&scene));
+        let empty = Scene::new(scene.data.clone(), ramp(201.0, 210.0));
+        assert_eq!(visible(&empty), empty.data.corners());
+        let surface = Field::Ramp.tets(1).unwrap();
+        let surface = Surface::new(surface.points().to_vec(), vec![[0, 1, 2]], [1.0; 4]).unwrap();
+        let beside = scene.clone().with_surfaces(vec![surface]);
+        assert_eq!(visible(&beside), beside.data.corners());
+    }
+
+    #[test]
+    fn meshes_and_points_are_cut_to_what_is_visible() {
+        let mesh = Field::Ramp.tets(4).unwrap();
+        let x = mesh.points().iter().map(|p| num::f32_of(p.x)).collect();
+        let mesh = mesh.with_scalars(TetScalars::Point(x)).unwrap();
+        let scene = Scene::new(mesh, ramp(0.6, 1.0));
+        assert_eq!(extent(&scene), [DVec3::new(0.5, -1.0, -1.0), DVec3::ONE]);
+
+        let centres: Vec<DVec3> = (0..5).map(|i| DVec3::splat(f64::from(i))).collect();
+        let points = Points::new(centres).unwrap().with_size(KernelSize::Radius(0.5)).unwrap();
+        let points = points.with_scalars((0..5_u8).map(f32::from).collect()).unwrap();
+        let scene = Scene::new(points, ramp(2.5, 4.0));
+        assert_eq!(extent(&scene), [DVec3::splat(2.5), DVec3::splat(4.5)]);
+    }
+
+    #[test]
+    fn scalars_beyond_the_knots_count_as_those_at_the_ends() {
+        let shown = Shown::of(&ramp(1.0, 2.0), 1.0);
+        assert_eq!(shown.0, [[1.2, f64::INFINITY]]);
+        let constant = TransferFunction::from_rows(&[[3.0, 1.0, 1.0, 1.0, 1.0]]).unwrap();
+        assert_eq!(Shown::of(&constant, 0.5).0, [[f64::NEG_INFINITY, f64::INFINITY]]);
+        let holes = TransferFunction::from_rows(&[
+            [0.0, 0.0, 0.0, 0.0, 2.0],
+            [1.0, 0.0, 0.0, 0.0, 0.0],
+            [2.0, 0.0, 0.0, 0.0, 2.0],
+        ])
+        .unwrap();
+        assert_eq!(Shown::of(&holes, 1.0).0, [[f64::NEG_INFINITY, 0.5], [1.5, f64::INFINITY]]);
+    }
+}
