@@ -1,6 +1,7 @@
 //! Options of readers: memory limit, array selection, progress.
 
 use std::fmt;
+use std::ops::Deref;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
@@ -66,6 +67,39 @@ impl ReadOptions {
             }
             None => Ok(()),
         }
+    }
+}
+
+/// Selects what is read of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wanted {
+    /// Scene data.
+    Scene,
+    /// The array that the options name, or all arrays, as they are in the file.
+    Arrays,
+    /// The array that the options name, or the only one, as it is in the file.
+    OneArray,
+}
+
+/// Options of a reader, with what it reads.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Request<'a> {
+    pub(crate) options: &'a ReadOptions,
+    pub(crate) wanted: Wanted,
+}
+
+impl<'a> Request<'a> {
+    /// Requests scene data.
+    pub(crate) fn scene(options: &'a ReadOptions) -> Self {
+        Self { options, wanted: Wanted::Scene }
+    }
+}
+
+impl Deref for Request<'_> {
+    type Target = ReadOptions;
+
+    fn deref(&self) -> &ReadOptions {
+        self.options
     }
 }
 

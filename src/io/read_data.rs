@@ -5,14 +5,15 @@ use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::io::build::data_file::DataFile;
 use crate::io::file::source::{Source, list};
 use crate::io::formats::dicom::{self, recognise};
 use crate::io::formats::refused;
 use crate::io::formats::tiff::{self, file};
-use crate::io::options::ReadOptions;
+use crate::io::options::{ReadOptions, Request, Wanted};
 use crate::io::reader::Reader as _;
 use crate::io::registry::{by_content, by_name, checked, read_source};
-use crate::io::report::Loaded;
+use crate::io::report::{Content, Found, Loaded};
 use crate::scene::{Data, Grid};
 
 /// Reads a data file in any known format. The content selects the format; the file name extension is used only if no
@@ -24,13 +25,45 @@ use crate::scene::{Data, Grid};
 /// format, or the data would take more than `options.max_bytes`.
 pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Loaded> {
     let path = path.as_ref();
+    scene(path, find(path, &Request::scene(options))?)
+}
+
+/// Reads a data file as [`read`] does, with the types of the file, and all its arrays. `options.array` names the only
+/// array, or component, to read. `one` says that there must be a single one; the error lists them.
+///
+/// Values that a reader computes, from slices that are uneven or differ in rescale, are those of [`read`].
+///
+/// # Errors
+///
+/// As [`read`], and [`Error::File`] if one array is wanted and there are others.
+pub fn read_arrays(path: impl AsRef<Path>, options: &ReadOptions, one: bool) -> Result<Loaded<DataFile>> {
+    let path = path.as_ref();
+    let wanted = if one { Wanted::OneArray } else { Wanted::Arrays };
+    let Loaded { data, report } = find(path, &Request { options, wanted })?;
+    let data = match data {
+        Content::Arrays(data) => data,
+        Content::Scene(data) => DataFile::of(&data, report.shown_name()),
+    };
+    Ok(Loaded { data, report })
+}
+
+/// Finds the reader of a file or a folder, and reads it.
+fn find(path: &Path, request: &Request) -> Result<Found> {
     if let Some(refusal) = refused::folder(path) {
         return Err(refusal);
     }
     if path.is_dir() {
-        return checked(path, read_folder(path, options)?, options);
+        return checked(path, read_folder(path, request)?, request);
     }
-    read_source(&Source::open(path, options)?, options)
+    read_source(&Source::open(path, request)?, request)
+}
+
+/// Returns scene data that was requested.
+fn scene(path: &Path, Loaded { data, report }: Found) -> Result<Loaded> {
+    match data {
+        Content::Scene(data) => Ok(Loaded { data, report }),
+        Content::Arrays(_) => Err(Error::file(path, "content", "no data of a scene")),
+    }
 }
 
 /// Reads a data file in memory: the first of `files`, given as name and content. Files that it names are looked up
@@ -40,7 +73,8 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Loaded> {
 ///
 /// As [`read`]; [`Error::Invalid`] if there is no file.
 pub fn read_memory(files: &[(&str, &[u8])], options: &ReadOptions) -> Result<Loaded> {
-    read_source(&Source::in_memory(files)?, options)
+    let source = Source::in_memory(files)?;
+    scene(source.path(), read_source(&source, &Request::scene(options))?)
 }
 
 /// Reads a file that holds a grid, as [`read`] does.
@@ -57,17 +91,17 @@ pub fn read_grid(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Grid> 
 }
 
 /// Reads the contents of a folder: slices in TIFF files, a DICOM series, or exactly one data file.
-fn read_folder(folder: &Path, options: &ReadOptions) -> Result<Loaded> {
-    let files = Files::sorted(folder, options)?;
+fn read_folder(folder: &Path, request: &Request) -> Result<Found> {
+    let files = Files::sorted(folder, request)?;
     let Files { slices, images, others, left_out, folders } = &files;
     let mut loaded = match (slices.as_slice(), images.as_slice(), others.as_slice()) {
-        ([path], [], []) | ([], [], [(path, _)]) => read_source(&Source::open(path, options)?, options),
+        ([path], [], []) | ([], [], [(path, _)]) => read_source(&Source::open(path, request)?, request),
         (slices, [], []) if !slices.is_empty() => {
-            let mut loaded = tiff::read_series(folder, slices, options)?;
+            let mut loaded = tiff::read_series(folder, slices, request)?;
             loaded.report.warnings.extend(numbering(slices));
             Ok(loaded)
         }
-        ([], images, []) if !images.is_empty() => dicom::read_files(folder, images, options),
+        ([], images, []) if !images.is_empty() => dicom::read_files(folder, images, request),
         _ => Err(Error::file(folder, "files", files.refusal())),
     }?;
     loaded.report.notes.extend(left_out_note(left_out));

@@ -2,8 +2,8 @@
 
 use crate::error::Result;
 use crate::io::file::source::Source;
-use crate::io::options::ReadOptions;
-use crate::io::report::Loaded;
+use crate::io::options::Request;
+use crate::io::report::Found;
 
 /// A file format.
 pub(crate) trait Reader: Sync {
@@ -14,5 +14,5 @@ pub(crate) trait Reader: Sync {
     /// Whether the first bytes of the file belong to this format.
     fn recognises(&self, source: &Source) -> bool;
     /// Reads the file.
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded>;
+    fn read(&self, source: &Source, request: &Request) -> Result<Found>;
 }

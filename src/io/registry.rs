@@ -3,13 +3,14 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::io::build::origin::{is_near, too_far};
 use crate::io::file::source::Source;
 use crate::io::formats::{
     csv, dicom, gmsh, metaimage, nifti, npy, nrrd, ply, raw, refused, tiff, vtk_legacy, vtk_xml,
 };
-use crate::io::options::ReadOptions;
+use crate::io::options::{ReadOptions, Request};
 use crate::io::reader::Reader;
-use crate::io::report::Loaded;
+use crate::io::report::{Content, Found};
 use crate::scene::{Data, Rescale};
 
 /// All formats, in the order in which they are tried.
@@ -39,7 +40,7 @@ pub fn known_formats() -> String {
     READERS.iter().map(one).collect::<Vec<_>>().join(", ")
 }
 
-pub(crate) fn read_source(source: &Source, options: &ReadOptions) -> Result<Loaded> {
+pub(crate) fn read_source(source: &Source, request: &Request) -> Result<Found> {
     let known = by_content(source);
     if known.is_none()
         && let Some(refusal) = refused::by_content(source)
@@ -58,18 +59,21 @@ pub(crate) fn read_source(source: &Source, options: &ReadOptions) -> Result<Load
             source.error("content", if source.is_gzip() { packed.to_owned() } else { unknown })
         }));
     };
-    checked(source.path(), reader.read(source, options)?, options)
+    checked(source.path(), reader.read(source, request)?, request)
 }
 
 /// Checks a result against the options: no selection may be ignored silently. A grid has no kernels, and a format
 /// without array names cannot select one.
-pub(crate) fn checked(path: &Path, mut loaded: Loaded, options: &ReadOptions) -> Result<Loaded> {
-    if let Data::Grid(grid) = &loaded.data {
+pub(crate) fn checked(path: &Path, mut loaded: Found, options: &ReadOptions) -> Result<Found> {
+    if let Content::Scene(Data::Grid(grid)) = &loaded.data {
         options.check_kernels("a grid").map_err(|error| error.in_file(path))?;
         let Rescale { slope, intercept } = grid.rescale();
         if !grid.range().iter().all(|value| value.is_finite()) {
             let rule = format!("{slope:e} * stored + {intercept:e}: overflows");
             return Err(Error::file(path, "rescale", rule));
+        }
+        if let Some(corner) = grid.corners().into_iter().find(|corner| !is_near(*corner)) {
+            return Err(Error::file(path, "placement", format!("a corner at {}", too_far(corner))));
         }
         if grid.infinite_count() > 0 {
             loaded.report.warnings.push(format!(
@@ -78,7 +82,7 @@ pub(crate) fn checked(path: &Path, mut loaded: Loaded, options: &ReadOptions) ->
             ));
         }
     }
-    if let Some(array) = &options.array
+    if let (Some(array), Content::Scene(_)) = (&options.array, &loaded.data)
         && loaded.report.arrays.is_empty()
         && loaded.report.shown.is_none()
     {

@@ -1,6 +1,7 @@
 //! The result of reading: scene data, and a report of how it was read.
 
 use crate::io::build::arrays::ArrayInfo;
+use crate::io::build::data_file::DataFile;
 use crate::scene::Data;
 
 /// A report of how a file was read.
@@ -21,11 +22,20 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
-/// Scene data with the report of how it was read.
+impl Report {
+    /// Returns the name of the array that was read, without the prefix `point:` or `cell:`.
+    #[must_use]
+    pub fn shown_name(&self) -> &str {
+        let shown = self.shown.as_deref().unwrap_or_default();
+        shown.strip_prefix("point:").or_else(|| shown.strip_prefix("cell:")).unwrap_or(shown)
+    }
+}
+
+/// Data with the report of how it was read: scene data, or the contents of a file.
 #[derive(Clone, Debug)]
-pub struct Loaded {
+pub struct Loaded<D = Data> {
     /// The data.
-    pub data: Data,
+    pub data: D,
     /// How it was read.
     pub report: Report,
 }
@@ -33,5 +43,29 @@ pub struct Loaded {
 impl Loaded {
     pub(crate) fn new(format: &'static str, data: impl Into<Data>) -> Self {
         Self { data: data.into(), report: Report { format, ..Report::default() } }
+    }
+}
+
+/// The data that a reader returns.
+#[derive(Clone, Debug)]
+pub(crate) enum Content {
+    Scene(Data),
+    /// Returned on request, except by readers that had to compute the values.
+    Arrays(DataFile),
+}
+
+/// The result of a reader.
+pub(crate) type Found = Loaded<Content>;
+
+impl From<Loaded> for Found {
+    fn from(Loaded { data, report }: Loaded) -> Self {
+        Self { data: Content::Scene(data), report }
+    }
+}
+
+impl Found {
+    /// Wraps the contents of a file.
+    pub(crate) fn of_arrays(format: &'static str, data: DataFile) -> Self {
+        Self { data: Content::Arrays(data), report: Report { format, ..Report::default() } }
     }
 }

@@ -737,7 +737,7 @@ fn samples_take_as_much_of_the_device_as_is_told() {
 fn grids_are_converted_to_nrrd() {
     let folder = with_scene();
     let run = folder.run("convert scene.json out.nrrd").done();
-    for part in ["analytic field", "16 x 16 x 16 f32", "out.nrrd", " bytes"] {
+    for part in ["analytic field", "16 x 16 x 16 points, point:scalar (f32)", "out.nrrd", " bytes"] {
         assert!(run.out.contains(part), "{part}: {}", run.out);
     }
     assert_eq!(run.out.lines().count(), 1, "{}", run.out);
@@ -770,10 +770,13 @@ fn what_cannot_be_converted_is_one_line_and_leaves_nothing() {
     folder.write("raw.nrrd", [1, 2, 3, 4, 5, 6, 7, 8]);
     std::fs::create_dir(folder.path("folder.nrrd")).unwrap();
     let before = folder.names("");
-    for name in ["out.vtk", "out", "nrrd", "out.nii.gz"] {
-        folder.run(&format!("convert gone.nrrd {name}")).fails(2, &[name, ".nrrd (grids) or .vtu (meshes"]);
+    for name in ["out.vtk", "out", "nrrd", "out.gz"] {
+        folder.run(&format!("convert gone.nrrd {name}")).fails(2, &[name, ".nii.gz (grids)", ".vtu (meshes"]);
     }
-    folder.run("convert in.nrrd out.vtu").fails(2, &["out.vtu", "must end in .nrrd", "in.nrrd holds a grid"]);
+    for name in ["out.vtu", "out.vtr"] {
+        let says = [name, "must end in .vti, .nrrd, .nii or .nii.gz", "a grid of 16 x 16 x 16"];
+        folder.run(&format!("convert in.nrrd {name}")).fails(2, &says);
+    }
     folder.run("convert in.nrrd in.nrrd").fails(2, &["output", "in.nrrd", "is also the input"]);
     folder.run("convert in.nrrd ./../convert-wrong/in.nrrd").fails(2, &["cannot write"]);
     folder.run("convert ./in.nrrd in.nrrd").fails(2, &["output", "is also the input"]);
@@ -781,10 +784,8 @@ fn what_cannot_be_converted_is_one_line_and_leaves_nothing() {
     folder.run("convert gone.nrrd out.nrrd").fails(2, &["gone.nrrd", "cannot open"]);
     folder.run("convert in.nrrd folder.nrrd").fails(2, &["folder.nrrd", "folder"]);
     folder.run("convert in.nrrd gone/out.nrrd").fails(2, &["gone/out.nrrd", "cannot write"]);
-    folder.run("convert in.nrrd out.nrrd --radius r").fails(2, &["in.nrrd", "\"r\"", "a grid has no radius"]);
-    folder.run("convert in.nrrd out.nrrd --covariance c").fails(2, &["a grid has no covariance"]);
-    folder.run("convert in.nrrd out.nrrd --array a").fails(2, &["in.nrrd", "\"a\"", "no such array"]);
-    folder.run("convert in.nrrd out.nrrd --radius r --covariance c").fails(2, &["--radius", "--covariance"]);
+    folder.run("convert in.nrrd out.nrrd --only a").fails(2, &["in.nrrd", "\"a\"", "no such array"]);
+    folder.run("convert scene.json out.nrrd --only a").fails(2, &["scene.json", "\"a\""]);
     folder.run("convert in.nrrd").fails(2, &["<OUT>"]);
     assert_eq!(folder.names(""), before);
 }
@@ -822,8 +823,9 @@ fn meshes_and_points_are_described_and_converted() {
         folder.run(&format!("{command} points.vtu -o out.exr --radius q")).fails(2, &says);
     }
     folder.run("bench -o out --weight q").fails(2, &["--weight", "\"q\"", "standard"]);
-    for (name, what) in [("mesh.vtu", "a mesh"), ("points.vtu", "points")] {
-        folder.run(&format!("convert {name} out.nrrd")).fails(2, &["out.nrrd", "must end in .vtu", what]);
+    for (name, what) in [("mesh.vtu", "a mesh"), ("points.vtu", "3 points")] {
+        let says = |what| ["out.nrrd", "must end in .vtu", what];
+        folder.run(&format!("convert {name} out.nrrd")).fails(2, &says(what));
         folder.run(&format!("convert {name} {name}")).fails(2, &["output", "is also the input"]);
         folder.run(&format!("info {name} --array q")).fails(2, &[name, "\"q\"", "no such array"]);
     }
@@ -868,20 +870,23 @@ fn meshes_and_points_are_described_and_converted() {
     }
 
     let run = folder.run("convert mesh.vtu again.vtu").done();
-    for part in ["mesh of 5 points and 2 tetrahedra", "point:p", "again.vtu"] {
+    for part in ["mesh of 5 points and 2 cells", "point:p (f32)", "again.vtu"] {
         assert!(run.out.contains(part), "{part}: {}", run.out);
     }
-    folder.run("convert points.vtu other.vtu --array weight --radius radius --weight s").done();
     let same = |a: &str, b: &str| {
         assert_eq!(std::fs::read(folder.path(a)).unwrap(), std::fs::read(folder.path(b)).unwrap())
     };
     same("mesh.vtu", "again.vtu");
-    folder.run("convert other.vtu back.vtu --array weight_ --radius radius --weight weight").done();
-    let other = folder.run("info other.vtu --json --array weight --weight weight_").done().json();
-    assert_eq!(
-        (&other["range"], &other["weights"]),
-        (&serde_json::json!([1.0, 4.0]), &serde_json::json!([5.0, 9.0]))
-    );
+    // All arrays are kept.
+    let run = folder.run("convert points.vtu other.vtu").done();
+    for part in ["3 points, point:s (f32), point:weight (f32), point:radius (f32): other.vtu"] {
+        assert!(run.out.contains(part), "{part}: {}", run.out);
+    }
+    same("points.vtu", "other.vtu");
+    folder.run("convert points.vtu weight.vtu --only weight").done();
+    let weight = folder.run("info weight.vtu --json").done().json();
+    assert_eq!(weight["arrays"].as_array().unwrap().len(), 1);
+    assert_eq!(weight["range"], serde_json::json!([1.0, 4.0]));
 }
 
 /// A mesh alone, and through a scene file, in the reference and in what `info` tells.

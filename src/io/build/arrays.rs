@@ -1,15 +1,19 @@
 //! The arrays of a data set: their description, and the choice of the one to show.
 
+use std::collections::HashSet;
 use std::fmt;
+use std::ops::Range;
 
 use crate::error::Result;
 use crate::io::file::sample_type::{Pick, SampleType};
 use crate::io::file::source::Source;
+use crate::io::options::{Request, Wanted};
 
 /// Names an array and the part that is read, in the syntax of [`ReadOptions::array`](crate::io::ReadOptions::array).
 pub(crate) fn describe(array: &ArrayInfo, pick: Pick) -> String {
     let name = format!("{}:{}", array.association.name(), array.name);
     match pick {
+        Pick::Whole => name,
         Pick::Component(_) if array.components == 1 => name,
         Pick::Component(component) => format!("{name}:{component}"),
         Pick::Magnitude => format!("{name}:magnitude"),
@@ -139,6 +143,12 @@ pub(crate) fn readings(wanted: &str) -> impl Iterator<Item = (Option<Association
 
 /// Finds an array by `NAME`, `NAME:PART`, `point:NAME` or `cell:NAME:PART`.
 pub(crate) fn find(source: &Source, arrays: &[ArrayInfo], wanted: &str) -> Result<Choice> {
+    let Choice { index, pick } = find_whole(source, arrays, wanted)?;
+    Ok(Choice { index, pick: if pick == Pick::Whole { usual(&arrays[index]) } else { pick } })
+}
+
+/// Finds an array as [`find`] does; without a part it is the whole one.
+fn find_whole(source: &Source, arrays: &[ArrayInfo], wanted: &str) -> Result<Choice> {
     let by_name = |association: Option<Association>, name: &str| {
         arrays
             .iter()
@@ -146,7 +156,7 @@ pub(crate) fn find(source: &Source, arrays: &[ArrayInfo], wanted: &str) -> Resul
     };
     // Names may contain colons: the interpretation with the longest name wins.
     if let Some(index) = readings(wanted).find_map(|(association, name)| by_name(association, name)) {
-        return Ok(Choice { index, pick: usual(&arrays[index]) });
+        return Ok(Choice { index, pick: Pick::Whole });
     }
     let parted = readings(wanted).find_map(|(association, name)| {
         let (name, part) = name.rsplit_once(':')?;
@@ -156,6 +166,33 @@ pub(crate) fn find(source: &Source, arrays: &[ArrayInfo], wanted: &str) -> Resul
         return Ok(Choice { index, pick: part_of(source, &arrays[index], part)? });
     }
     Err(source.error(format!("array \"{wanted}\""), format!("no such array: there are {}", list(arrays))))
+}
+
+/// Selects the arrays that are kept as they are: the one that the request names, otherwise all. Arrays in `spare` are
+/// left out: others contain them.
+pub(crate) fn select(
+    source: &Source,
+    arrays: &[ArrayInfo],
+    spare: &Range<usize>,
+    request: &Request,
+) -> Result<Vec<Choice>> {
+    if let Some(wanted) = &request.array {
+        return Ok(vec![find_whole(source, arrays, wanted)?]);
+    }
+    let one = request.wanted == Wanted::OneArray;
+    let is_left = |i: usize| spare.contains(&i) || one && arrays[i].is_ghosts(arrays[i].association);
+    let mut names = HashSet::new();
+    let own: Vec<usize> = (0..arrays.len())
+        .filter(|&i| !is_left(i))
+        .filter(|&i| names.insert((arrays[i].association.name(), &arrays[i].name)))
+        .collect();
+    if one && own.len() != 1 {
+        let infos: Vec<ArrayInfo> = own.iter().map(|&i| arrays[i].clone()).collect();
+        let rule =
+            format!("the output holds one array: choose it by --only NAME; there are {}", list(&infos));
+        return Err(source.error("arrays", rule));
+    }
+    Ok(own.into_iter().map(|index| Choice { index, pick: Pick::Whole }).collect())
 }
 
 /// Lists the arrays in one line.
@@ -189,6 +226,7 @@ fn part_of(source: &Source, array: &ArrayInfo, part: &str) -> Result<Pick> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::io::options::ReadOptions;
 
     #[test]
     fn coarse_values_are_told() {
@@ -249,5 +287,36 @@ mod tests {
         assert_eq!(choose(&arrays[..2]), Some(1), "then cell data");
         assert_eq!(choose(&arrays[..1]), Some(0), "then what there is");
         assert_eq!(choose(&[]), None);
+    }
+
+    #[test]
+    fn what_is_kept() {
+        let source = Source::in_memory(&[("a.vtu", b"")]).unwrap();
+        let ghosts = ArrayInfo { name: "vtkGhostType".into(), kind: SampleType::U8, ..arrays()[2].clone() };
+        let all = [arrays(), vec![arrays()[0].clone(), ghosts]].concat();
+        let kept = |all: &[ArrayInfo], wanted, array: Option<&str>| {
+            let options = ReadOptions { array: array.map(str::to_owned), ..ReadOptions::default() };
+            let chosen = select(&source, all, &(4..5), &Request { options: &options, wanted })?;
+            Ok::<_, crate::Error>(chosen.into_iter().map(|c| (c.index, c.pick)).collect::<Vec<_>>())
+        };
+        let whole = |places: &[usize]| places.iter().map(|&i| (i, Pick::Whole)).collect::<Vec<_>>();
+        assert_eq!(
+            kept(&all, Wanted::Arrays, None).unwrap(),
+            whole(&[0, 1, 2, 3, 6]),
+            "spare, and twice the same"
+        );
+        assert_eq!(kept(&all, Wanted::OneArray, Some("velocity")).unwrap(), whole(&[0]));
+        assert_eq!(kept(&all, Wanted::Arrays, Some("a:y")).unwrap(), [(4, Pick::Component(1))]);
+        assert_eq!(
+            kept(&all[5..], Wanted::OneArray, None).unwrap(),
+            whole(&[0]),
+            "flags of ghosts do not count"
+        );
+        let text = kept(&all, Wanted::OneArray, None).unwrap_err().to_string();
+        assert!(
+            text.contains("--only NAME; there are point:velocity (f32 x 3), cell:p (f32), point:p"),
+            "{text}"
+        );
+        assert!(kept(&[], Wanted::OneArray, None).unwrap_err().to_string().contains("there are none"));
     }
 }

@@ -16,10 +16,14 @@
 //! name is that of a column.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
+use std::ops::Range;
 
+use crate::error::Result;
 use crate::io::build::arrays::{ArrayInfo, Association};
-use crate::io::file::decode::MAX_COMPONENTS;
+use crate::io::file::decode::{MAX_COMPONENTS, Tuples, Values, magnitude};
 use crate::io::file::sample_type::{Pick, SampleType};
+use crate::num;
+use crate::scene::Samples;
 
 /// A column of numbers.
 #[derive(Clone, Debug)]
@@ -40,16 +44,41 @@ impl Group {
     pub(crate) fn needed(&self, pick: Pick) -> &[usize] {
         match pick {
             Pick::Component(component) => self.columns.get(component..=component).unwrap_or(&[]),
-            Pick::Magnitude => &self.columns,
+            Pick::Magnitude | Pick::Whole => &self.columns,
         }
     }
 }
 
+/// Collects the picked part of each of `count` tuples. `each` passes on the numbers of the needed columns.
+pub(crate) fn collect(
+    info: &ArrayInfo,
+    pick: Pick,
+    count: usize,
+    each: impl FnOnce(&mut dyn FnMut(&[f64])) -> Result<()>,
+) -> Result<Values> {
+    if pick == Pick::Whole {
+        let mut tuples = Tuples::none(info.kind, info.components);
+        each(&mut |numbers| tuples.push(info.kind, numbers))?;
+        return Ok(Values::Whole(tuples));
+    }
+    let mut values = Vec::with_capacity(count);
+    each(&mut |numbers| values.push(num::f32_of(value(numbers, pick))))?;
+    Ok(Samples::F32(values).into())
+}
+
+/// Returns the single columns that are also part of a group.
+pub(crate) fn spare(groups: &[Group]) -> Range<usize> {
+    let single = groups.iter().take_while(|group| group.columns.len() == 1).count();
+    let is_part = |column: usize| groups[single..].iter().any(|group| group.columns.contains(&column));
+    let first = groups[..single].iter().position(|group| is_part(group.columns[0]));
+    first.unwrap_or(single)..single
+}
+
 /// Computes the part of a tuple from the numbers of the needed columns.
-pub(crate) fn value(numbers: &[f64], pick: Pick) -> f64 {
+fn value(numbers: &[f64], pick: Pick) -> f64 {
     match pick {
         Pick::Component(_) => numbers.first().copied().unwrap_or(f64::NAN),
-        Pick::Magnitude => numbers.iter().map(|x| x * x).sum::<f64>().sqrt(),
+        Pick::Magnitude | Pick::Whole => magnitude(numbers),
     }
 }
 

@@ -10,7 +10,7 @@ use crate::num;
 use crate::scene::CellKind;
 
 /// Points, and cells with VTK type numbers and lists of nodes.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Dataset {
     pub(crate) points: Vec<DVec3>,
     /// The VTK type of each cell.
@@ -28,6 +28,17 @@ pub(crate) fn bytes(points: u64, cells: u64, nodes: u64) -> u64 {
 }
 
 impl Dataset {
+    /// Makes each point a vertex.
+    pub(crate) fn of_points(points: Vec<DVec3>) -> Self {
+        let count = num::count(points.len());
+        Self {
+            types: vec![1; points.len()],
+            ends: (1..=count).collect(),
+            nodes: (0..count).collect(),
+            points,
+        }
+    }
+
     /// Checks that nodes are indices of points, and that each cell has as many as its type needs.
     pub(crate) fn check(&self, source: &Source) -> Result<()> {
         let Self { points, types, ends, nodes } = self;

@@ -4,10 +4,13 @@ use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
 use crate::io::build::arrays::{self, Association, Choice};
+use crate::io::build::data_file::{Lattice, Shape, stand_in};
 use crate::io::build::origin::Origin;
-use crate::io::build::resample::evenly;
+use crate::io::build::resample::{Axes, evenly};
 use crate::io::file::sample_type::Pick;
-use crate::io::report::Loaded;
+use crate::io::options::Wanted;
+use crate::io::report::Found;
+use crate::num;
 use crate::scene::{Data, Grid, Samples};
 
 /// The positions of the points of a lattice.
@@ -47,9 +50,12 @@ impl Places {
 /// Builds a grid from points on a lattice and arrays on its points or cells. `dims` counts points.
 ///
 /// Cell data gives a sample at the centre of each cell. Points and cells hidden by VTK's ghost array become NaN.
-pub(crate) fn build(mut origin: Origin, dims: [u32; 3], places: Places) -> Result<Loaded> {
+pub(crate) fn build(mut origin: Origin, dims: [u32; 3], places: Places) -> Result<Found> {
     let source = origin.source;
-    let chosen = arrays::choose(source, &origin.arrays, origin.options.array.as_deref())?;
+    if origin.is_kept() {
+        return keep(origin, dims, places);
+    }
+    let chosen = arrays::choose(source, &origin.arrays, origin.request.array.as_deref())?;
     let Some(Choice { index, pick }) = chosen else {
         return Err(source.error("arrays", "none: a grid needs point or cell data to show"));
     };
@@ -73,7 +79,7 @@ pub(crate) fn build(mut origin: Origin, dims: [u32; 3], places: Places) -> Resul
         dims.iter().try_fold(1_u64, |n, &extent| n.checked_mul(u64::from(extent))).ok_or_else(overflow)?;
     let stored = if pick == Pick::Magnitude { 4 } else { array.kind.stored_bytes() };
     origin.budget.take("dimensions", count.saturating_mul(stored))?;
-    let mut samples = (origin.read)(index, pick)?;
+    let mut samples = (origin.read)(index, pick)?.into_samples();
     if Ok(samples.len()) != usize::try_from(count) {
         let [x, y, z] = dims;
         let rule = format!("{} tuples: {x} x {y} x {z} are needed", samples.len());
@@ -115,7 +121,53 @@ pub(crate) fn build(mut origin: Origin, dims: [u32; 3], places: Places) -> Resul
     .map_err(located)?;
     let mut loaded = origin.loaded(Data::Grid(grid), chosen, notes);
     loaded.report.file_range = file_range;
-    Ok(loaded)
+    Ok(loaded.into())
+}
+
+/// Keeps the lattice and the requested arrays.
+fn keep(mut origin: Origin, dims: [u32; 3], places: Places) -> Result<Found> {
+    let source = origin.source;
+    let located = |error: Error| error.in_file(source.path());
+    if let Some(extent) = dims.iter().find(|&&extent| extent < 2) {
+        let [x, y, z] = dims;
+        let rule = format!("{x} x {y} x {z} points: {extent} is too few, every extent must be at least 2");
+        return Err(source.error("dimensions", rule));
+    }
+    let lattice = |spacing, origin, direction| Lattice::new(dims, spacing, origin, direction, &stand_in()?);
+    let shape = match places {
+        Places::Even { origin, spacing, direction } => {
+            Shape::Even(lattice(spacing, origin, direction).map_err(located)?)
+        }
+        Places::Listed(listed) => {
+            let axes = Axes::of(source, "coordinates", dims, &listed)?;
+            if axes.is_even() {
+                let direction = DMat3::from_diagonal(axes.steps.signum());
+                let lattice = lattice(axes.steps.abs(), axes.origin, direction).map_err(located)?;
+                Shape::Even(Lattice { listed: Some(listed), ..lattice })
+            } else {
+                Shape::Uneven(listed)
+            }
+        }
+    };
+    let count = |dims: [u32; 3]| dims.into_iter().map(num::index).fold(1_usize, usize::saturating_mul);
+    let counts = [count(dims), count(dims.map(|extent| extent - 1))];
+    let mut warnings = Vec::new();
+    // Only VTK's own files have a place for hidden samples.
+    if origin.request.wanted == Wanted::OneArray {
+        for (association, hidden) in [(Association::Point, 2), (Association::Cell, 32)] {
+            let flags = origin.ghosts(association, counts[usize::from(association == Association::Cell)])?;
+            let masked = flags.unwrap_or_default().iter().filter(|&flag| flag & hidden != 0).count();
+            if masked > 0 {
+                let what = association.name();
+                warnings.push(format!(
+                    "{masked} hidden {what}s: the output has their values but not that they are hidden"
+                ));
+            }
+        }
+    }
+    let mut found = origin.keep(shape, counts, Vec::new())?;
+    found.report.warnings.splice(0..0, warnings);
+    Ok(found)
 }
 
 /// Returns the lattice of the cell centres.

@@ -7,12 +7,14 @@ use glam::DVec3;
 
 use crate::error::Result;
 use crate::io::build::arrays::{self, Association, Choice};
+use crate::io::build::data_file::Shape;
 use crate::io::build::dataset::{Counts, Dataset, check_points, check_supported, flat};
 use crate::io::build::origin::Origin;
 use crate::io::build::points::points;
 use crate::io::file::budget::Budget;
 use crate::io::file::source::Source;
-use crate::io::report::Loaded;
+use crate::io::options::Request;
+use crate::io::report::Found;
 use crate::num;
 use crate::scene::{CellKind, Data, Orientation, Samples, TetScalars, Tets};
 
@@ -21,18 +23,25 @@ const DUPLICATE_OR_HIDDEN: u8 = 1 | 32;
 
 impl Dataset {
     /// Builds a mesh of the cells with volume, or points if there are none.
-    pub(crate) fn build(self, origin: Origin) -> Result<Loaded> {
+    pub(crate) fn build(self, origin: Origin) -> Result<Found> {
         self.check(origin.source)?;
         let mut counts = Counts::new();
         for &kind in &self.types {
             *counts.entry(kind).or_insert(0) += 1;
         }
         if counts.keys().any(|&number| CellKind::of_vtk(number).is_some()) {
-            mesh(self, &counts, origin)
+            check_supported(origin.source, &counts)?;
+            if origin.is_kept() { self.keep(origin) } else { mesh(self, &counts, origin) }
         } else {
             check_points(origin.source, &counts)?;
-            points(self.points, origin)
+            if origin.is_kept() { self.keep(origin) } else { points(self.points, origin) }
         }
+    }
+
+    /// Keeps all cells and the requested arrays.
+    fn keep(self, origin: Origin) -> Result<Found> {
+        let counts = [self.points.len(), self.types.len()];
+        origin.keep(Shape::Cells(self), counts, Vec::new())
     }
 }
 
@@ -40,12 +49,12 @@ impl Dataset {
 ///
 /// Cells that are no tetrahedra are cut into some: faces between cells match also where points coincide. Cells without
 /// volume and ghost cells are left out, with a note.
-fn mesh(dataset: Dataset, counts: &Counts, mut origin: Origin) -> Result<Loaded> {
-    let Origin { source, options, .. } = origin;
+fn mesh(dataset: Dataset, counts: &Counts, mut origin: Origin) -> Result<Found> {
+    let Origin { source, request: &Request { options, .. }, .. } = origin;
+    origin.check_places(&dataset.points)?;
     options.check_kernels("a mesh").map_err(|error| error.in_file(source.path()))?;
     let mut notes = Vec::new();
     let mut warnings = Vec::new();
-    check_supported(source, counts)?;
     let surface: u64 = counts.iter().filter(|&(&number, _)| flat(number)).map(|(_, count)| count).sum();
     if surface > 0 {
         notes.push(format!("{surface} cells without volume (surfaces, lines, vertices) left out"));
@@ -62,7 +71,7 @@ fn mesh(dataset: Dataset, counts: &Counts, mut origin: Origin) -> Result<Loaded>
         Association::Cell => dataset.types.len(),
     };
     origin.budget.take("arrays", num::wide(per_tuple).saturating_mul(4))?;
-    let values = (origin.read)(index, pick)?.into_f32();
+    let values = (origin.read)(index, pick)?.into_samples().into_f32();
     if values.len() != per_tuple {
         let rule = format!("{} tuples: {per_tuple} are needed", values.len());
         return Err(source.error(format!("array {}", origin.arrays[index]), rule));
@@ -94,7 +103,7 @@ fn mesh(dataset: Dataset, counts: &Counts, mut origin: Origin) -> Result<Loaded>
     let mut loaded = origin.loaded(Data::Mesh(mesh), chosen, notes);
     loaded.report.warnings.splice(0..0, warnings);
     loaded.report.file_range = (low <= high).then_some([low, high]);
-    Ok(loaded)
+    Ok(loaded.into())
 }
 
 /// The cutting of cells into tetrahedra, with all memory allocated beforehand.

@@ -5,6 +5,7 @@
 
 pub(crate) mod arrays;
 pub(crate) mod columns;
+pub(crate) mod data_file;
 pub(crate) mod dataset;
 pub(crate) mod file_names;
 pub(crate) mod lattice;

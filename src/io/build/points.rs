@@ -4,12 +4,14 @@ use glam::DVec3;
 
 use crate::error::Result;
 use crate::io::build::arrays::{self, ArrayInfo, Association, Choice};
+use crate::io::build::data_file::Shape;
+use crate::io::build::dataset::Dataset;
 use crate::io::build::origin::Origin;
 use crate::io::file::budget::Budget;
 use crate::io::file::sample_type::Pick;
 use crate::io::file::source::Source;
-use crate::io::options::ReadOptions;
-use crate::io::report::Loaded;
+use crate::io::options::{ReadOptions, Request};
+use crate::io::report::Found;
 use crate::num;
 use crate::scene::{Data, KernelSize, Points};
 
@@ -29,8 +31,14 @@ pub(crate) fn positions(
 
 /// Builds kernels at points, with the arrays that the options select. Points that are not finite are left out, with a
 /// note.
-pub(crate) fn points(mut centres: Vec<DVec3>, origin: Origin) -> Result<Loaded> {
-    let Origin { source, options, .. } = origin;
+pub(crate) fn points(mut centres: Vec<DVec3>, origin: Origin) -> Result<Found> {
+    let Origin { source, request: &Request { options, .. }, .. } = origin;
+    if origin.is_kept() {
+        let count = centres.len();
+        origin.budget.take("points", num::wide(count).saturating_mul(9))?;
+        return origin.keep(Shape::Cells(Dataset::of_points(centres)), [count; 2], Vec::new());
+    }
+    origin.check_places(&centres)?;
     let finite = centres.iter().map(|centre| centre.is_finite()).collect();
     let mut columns = Columns { origin, finite };
     let chosen = columns.chosen(options)?;
@@ -68,7 +76,7 @@ pub(crate) fn points(mut centres: Vec<DVec3>, origin: Origin) -> Result<Loaded> 
         }
     };
     let points = attach().map_err(|error| error.in_file(source.path()))?;
-    Ok(columns.origin.loaded(Data::Points(points), chosen, notes))
+    Ok(columns.origin.loaded(Data::Points(points), chosen, notes).into())
 }
 
 /// Whether the name of an array says that it holds radii.
@@ -124,7 +132,7 @@ impl Columns<'_, '_> {
         }
         let count = self.finite.len();
         self.origin.budget.take("arrays", num::wide(count).saturating_mul(4))?;
-        let mut values = (self.origin.read)(index, pick)?.into_f32();
+        let mut values = (self.origin.read)(index, pick)?.into_samples().into_f32();
         if values.len() != count {
             let rule = format!("{} tuples: there are {count} points", values.len());
             return Err(self.origin.source.error(format!("array {array}"), rule));

@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use glam::DVec3;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::io::file::budget::Budget;
 use crate::io::file::source::Source;
 use crate::num;
@@ -46,46 +46,10 @@ pub(crate) fn evenly(
     coordinates: [Vec<f64>; 3],
     budget: &mut Budget,
 ) -> Result<Even> {
-    let mut origin = DVec3::ZERO;
-    let mut steps = DVec3::ONE;
-    let mut counts = dims;
-    let mut uneven = [false; 3];
-    let mut notes = Vec::new();
-    for (axis, list) in coordinates.iter().enumerate() {
-        let letter = ['x', 'y', 'z'][axis];
-        let at = |rule: String| source.error(format!("{place} along {letter}"), rule);
-        if list.len() != num::index(dims[axis]) {
-            return Err(at(format!("{}: {} are needed", list.len(), dims[axis])));
-        }
-        let (Some(&first), Some(&last)) = (list.first(), list.last()) else { continue };
-        let sign = (last - first).signum();
-        let gap = |pair: &[f64]| (pair[1] - pair[0]) * sign;
-        // NaN fails the comparison.
-        let rises = |pair: &&[f64]| matches!(gap(pair).partial_cmp(&0.0), Some(Ordering::Greater));
-        if let Some(pair) = list.windows(2).find(|pair| !rises(pair) || !gap(pair).is_finite()) {
-            return Err(at(format!("{} after {}: must rise or fall strictly", pair[1], pair[0])));
-        }
-        let least = list.windows(2).map(gap).fold(f64::INFINITY, f64::min);
-        let most = list.windows(2).map(gap).fold(0.0, f64::max);
-        let intervals = f64::from(dims[axis] - 1);
-        origin[axis] = first;
-        steps[axis] = (last - first) / intervals;
-        if most - least <= EVEN * most {
-            continue;
-        }
-        let wanted = (((last - first) * sign) / least * (1.0 - 1e-9)).ceil();
-        let [least, most] = [least, most].map(short);
-        if wanted > MOST_GROWTH * intervals {
-            let rule = format!("an even lattice would need {wanted} samples instead of {intervals}");
-            return Err(at(format!("gaps from {least} to {most}: {rule}; resample the data first")));
-        }
-        uneven[axis] = true;
-        steps[axis] = (last - first) / wanted;
-        counts[axis] = num::u32_of(wanted) + 1;
-        notes.push(format!(
-            "{letter}: gaps from {least} to {most}, resampled linearly from {} to {} samples",
-            dims[axis], counts[axis]
-        ));
+    let axes = Axes::of(source, place, dims, &coordinates)?;
+    let Axes { origin, steps, counts, uneven, notes, refused } = axes;
+    if let Some(refused) = refused {
+        return Err(refused);
     }
     if notes.is_empty() {
         return Ok(Even { dims, samples, origin, steps, note: None, range: None });
@@ -114,6 +78,77 @@ pub(crate) fn evenly(
         note: Some(notes.join("; ")),
         range,
     })
+}
+
+/// The even lattice along listed coordinates.
+pub(crate) struct Axes {
+    pub(crate) origin: DVec3,
+    pub(crate) steps: DVec3,
+    counts: [u32; 3],
+    uneven: [bool; 3],
+    /// Notes on axes that are uneven.
+    notes: Vec<String>,
+    /// The error of an axis that would have too many samples.
+    refused: Option<Error>,
+}
+
+impl Axes {
+    /// Whether the coordinates are evenly spaced, up to rounding.
+    pub(crate) fn is_even(&self) -> bool {
+        self.notes.is_empty()
+    }
+
+    pub(crate) fn of(
+        source: &Source,
+        place: &str,
+        dims: [u32; 3],
+        coordinates: &[Vec<f64>; 3],
+    ) -> Result<Self> {
+        let mut origin = DVec3::ZERO;
+        let mut steps = DVec3::ONE;
+        let mut counts = dims;
+        let mut uneven = [false; 3];
+        let mut notes = Vec::new();
+        let mut refused = None;
+        for (axis, list) in coordinates.iter().enumerate() {
+            let letter = ['x', 'y', 'z'][axis];
+            let at = |rule: String| source.error(format!("{place} along {letter}"), rule);
+            if list.len() != num::index(dims[axis]) {
+                return Err(at(format!("{}: {} are needed", list.len(), dims[axis])));
+            }
+            let (Some(&first), Some(&last)) = (list.first(), list.last()) else { continue };
+            let sign = (last - first).signum();
+            let gap = |pair: &[f64]| (pair[1] - pair[0]) * sign;
+            // NaN fails the comparison.
+            let rises = |pair: &&[f64]| matches!(gap(pair).partial_cmp(&0.0), Some(Ordering::Greater));
+            if let Some(pair) = list.windows(2).find(|pair| !rises(pair) || !gap(pair).is_finite()) {
+                return Err(at(format!("{} after {}: must rise or fall strictly", pair[1], pair[0])));
+            }
+            let least = list.windows(2).map(gap).fold(f64::INFINITY, f64::min);
+            let most = list.windows(2).map(gap).fold(0.0, f64::max);
+            let intervals = f64::from(dims[axis] - 1);
+            origin[axis] = first;
+            steps[axis] = (last - first) / intervals;
+            if most - least <= EVEN * most {
+                continue;
+            }
+            let wanted = (((last - first) * sign) / least * (1.0 - 1e-9)).ceil();
+            let [least, most] = [least, most].map(short);
+            if wanted > MOST_GROWTH * intervals {
+                let rule = format!("an even lattice would need {wanted} samples instead of {intervals}");
+                let rule = format!("gaps from {least} to {most}: {rule}; resample the data first");
+                refused.get_or_insert(at(rule));
+            }
+            uneven[axis] = true;
+            steps[axis] = (last - first) / wanted;
+            counts[axis] = num::u32_of(wanted) + 1;
+            notes.push(format!(
+                "{letter}: gaps from {least} to {most}, resampled linearly from {} to {} samples",
+                dims[axis], counts[axis]
+            ));
+        }
+        Ok(Self { origin, steps, counts, uneven, notes, refused })
+    }
 }
 
 /// Rounds to six digits, because differences carry the rounding of their operands.

@@ -3,12 +3,13 @@
 use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
-use crate::io::build::arrays::{self, ArrayInfo, Association};
-use crate::io::file::decode::{Layout, MAX_COMPONENTS};
+use crate::io::build::arrays::{self, ArrayInfo, Association, Choice};
+use crate::io::build::data_file::{Array, DataFile, Lattice, Shape, stand_in};
+use crate::io::file::decode::{Layout, MAX_COMPONENTS, Tuples, Values};
 use crate::io::file::sample_type::Pick;
 use crate::io::file::source::Source;
-use crate::io::options::ReadOptions;
-use crate::io::report::Loaded;
+use crate::io::options::{Request, Wanted};
+use crate::io::report::{Found, Loaded};
 use crate::scene::{Anatomy, Grid, Rescale};
 
 /// The name of the only array of a grid file.
@@ -19,6 +20,9 @@ const NAME: &str = "values";
 pub(crate) struct Chosen {
     pub(crate) layout: Layout,
     array: ArrayInfo,
+    /// The part that is kept as it is in the file, instead of samples for scenes.
+    kept: Option<Pick>,
+    tuples: Option<Tuples>,
 }
 
 /// The placement of a grid, with notes and warnings on it.
@@ -40,9 +44,9 @@ impl Chosen {
         place: &str,
         layout: Layout,
         components: usize,
-        options: &ReadOptions,
+        request: &Request,
     ) -> Result<Self> {
-        options.check_kernels("a grid").map_err(|error| error.in_file(source.path()))?;
+        request.check_kernels("a grid").map_err(|error| error.in_file(source.path()))?;
         if !(1..=MAX_COMPONENTS).contains(&components) {
             let rule = format!("{components} components: must be 1 to {MAX_COMPONENTS}");
             return Err(source.error(place, rule));
@@ -54,15 +58,35 @@ impl Chosen {
             components,
             active: true,
         };
-        let choice = arrays::choose(source, std::slice::from_ref(&array), options.array.as_deref())?;
-        let pick = choice.map_or(Pick::Component(0), |choice| choice.pick);
-        Ok(Self { layout: Layout { components, pick, ..layout }, array })
+        let arrays = std::slice::from_ref(&array);
+        let mut kept = None;
+        let mut pick = Pick::Component(0);
+        if request.wanted == Wanted::Scene {
+            let choice = arrays::choose(source, arrays, request.array.as_deref())?;
+            pick = choice.map_or(pick, |choice| choice.pick);
+        } else {
+            let choices = arrays::select(source, arrays, &(0..0), request)?;
+            kept = choices.first().map(|&Choice { pick, .. }| pick);
+            pick = Pick::Whole;
+        }
+        Ok(Self { layout: Layout { components, pick, ..layout }, array, kept, tuples: None })
+    }
+
+    /// Makes a grid of the samples. Whole tuples are put aside, and the grid stands in for theirs.
+    pub(crate) fn grid(&mut self, values: Values) -> Result<Grid> {
+        match values {
+            Values::Samples(samples) => Grid::new(self.layout.dims, samples),
+            Values::Whole(tuples) => {
+                self.tuples = Some(tuples);
+                stand_in()
+            }
+        }
     }
 
     /// Returns the rescale of the selected part, given that of stored numbers. `place` is the header field of the
     /// rescale.
     pub(crate) fn rescale(&self, source: &Source, place: &str, rescale: Rescale) -> Result<Rescale> {
-        rescale_of(self.layout.pick, NAME, source, place, rescale)
+        rescale_of(self.kept.unwrap_or(self.layout.pick), NAME, source, place, rescale)
     }
 
     /// Places the grid and adds the report. `located` adds the header field to an error about a value.
@@ -72,13 +96,28 @@ impl Chosen {
         grid: Grid,
         placement: Placement,
         located: &dyn Fn(&'static str, Error) -> Error,
-    ) -> Result<Loaded> {
+    ) -> Result<Found> {
         let Placement { place, spacing, origin, direction, anatomy, notes, warnings } = placement;
+        let grid = grid.with_anatomy(anatomy);
+        let lattice = Lattice::new(self.layout.dims, spacing, origin, direction, &grid);
+        let lattice = lattice.map_err(|error| located(place, error))?;
         let grid = grid.with_placement(spacing, origin, direction).map_err(|error| located(place, error))?;
-        let mut loaded = self.loaded(format, grid.with_anatomy(anatomy));
-        loaded.report.notes.extend(notes);
-        loaded.report.warnings.extend(warnings);
-        Ok(loaded)
+        let mut found = self.found(format, grid, lattice);
+        found.report.notes.extend(notes);
+        found.report.warnings.extend(warnings);
+        Ok(found)
+    }
+
+    /// Wraps the grid, or the tuples that were put aside, with a report on the array.
+    pub(crate) fn found(self, format: &'static str, grid: Grid, lattice: Lattice) -> Found {
+        let Self { array, kept: Some(pick), tuples: Some(tuples), .. } = self else {
+            return self.loaded(format, grid).into();
+        };
+        let kept = Array { info: array.clone(), tuples }.picked(pick);
+        let mut found =
+            Found::of_arrays(format, DataFile { shape: Shape::Even(lattice), arrays: vec![kept] });
+        found.report.arrays = vec![array];
+        found
     }
 
     /// Wraps the grid with a report on its array.

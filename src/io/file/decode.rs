@@ -28,27 +28,135 @@ impl Layout {
     }
 }
 
-impl Samples {
-    /// Returns an empty list of the type that holds these numbers in memory.
-    pub(crate) fn none(kind: SampleType, pick: Pick) -> Self {
-        match (pick, kind) {
-            (Pick::Component(_), SampleType::U8) => Self::U8(Vec::new()),
-            (Pick::Component(_), SampleType::U16) => Self::U16(Vec::new()),
-            (Pick::Component(_), SampleType::I16) => Self::I16(Vec::new()),
-            _ => Self::F32(Vec::new()),
+/// Numbers that have been read.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Values {
+    /// One number of each tuple, in a type that is rendered.
+    Samples(Samples),
+    /// Whole tuples.
+    Whole(Tuples),
+}
+
+/// Tuples in the type of the file.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Tuples {
+    /// The size of a tuple, in bytes; not 0.
+    pub(crate) size: usize,
+    /// The numbers, as little-endian bytes.
+    pub(crate) bytes: Vec<u8>,
+}
+
+impl Values {
+    /// Returns an empty list that holds the picked part of tuples.
+    pub(crate) fn none(kind: SampleType, components: usize, pick: Pick) -> Self {
+        Self::Samples(match (pick, kind) {
+            (Pick::Whole, _) => return Self::Whole(Tuples::none(kind, components)),
+            (Pick::Component(_), SampleType::U8) => Samples::U8(Vec::new()),
+            (Pick::Component(_), SampleType::U16) => Samples::U16(Vec::new()),
+            (Pick::Component(_), SampleType::I16) => Samples::I16(Vec::new()),
+            _ => Samples::F32(Vec::new()),
+        })
+    }
+
+    /// Returns the number of tuples.
+    pub(crate) fn len(&self) -> usize {
+        match self {
+            Self::Samples(samples) => samples.len(),
+            Self::Whole(Tuples { size, bytes }) => bytes.len() / size,
         }
     }
 
-    /// Reserves memory for `count` samples.
+    /// Reserves memory for `count` tuples.
     pub(crate) fn reserve(&mut self, count: usize) -> std::result::Result<(), TryReserveError> {
         match self {
-            Self::U8(v) => v.try_reserve_exact(count),
-            Self::U16(v) => v.try_reserve_exact(count),
-            Self::I16(v) => v.try_reserve_exact(count),
-            Self::F32(v) => v.try_reserve_exact(count),
+            Self::Samples(Samples::U8(v)) => v.try_reserve_exact(count),
+            Self::Samples(Samples::U16(v)) => v.try_reserve_exact(count),
+            Self::Samples(Samples::I16(v)) => v.try_reserve_exact(count),
+            Self::Samples(Samples::F32(v)) => v.try_reserve_exact(count),
+            Self::Whole(Tuples { size, bytes }) => bytes.try_reserve_exact(count.saturating_mul(*size)),
         }
     }
 
+    /// Extends the list with zeros.
+    pub(crate) fn resize(&mut self, count: usize) {
+        match self {
+            Self::Samples(Samples::U8(v)) => v.resize(count, 0),
+            Self::Samples(Samples::U16(v)) => v.resize(count, 0),
+            Self::Samples(Samples::I16(v)) => v.resize(count, 0),
+            Self::Samples(Samples::F32(v)) => v.resize(count, 0.0),
+            Self::Whole(Tuples { size, bytes }) => bytes.resize(count * *size, 0),
+        }
+    }
+
+    /// Copies a range of tuples from another list of the same type.
+    pub(crate) fn copy(&mut self, to: usize, other: &Self, from: usize, count: usize) {
+        fn put<T: Copy>(a: &mut [T], b: &[T], [to, from, count]: [usize; 3]) {
+            a[to..to + count].copy_from_slice(&b[from..from + count]);
+        }
+        let range = [to, from, count];
+        match (self, other) {
+            (Self::Samples(Samples::U8(a)), Self::Samples(Samples::U8(b))) => put(a, b, range),
+            (Self::Samples(Samples::U16(a)), Self::Samples(Samples::U16(b))) => put(a, b, range),
+            (Self::Samples(Samples::I16(a)), Self::Samples(Samples::I16(b))) => put(a, b, range),
+            (Self::Samples(Samples::F32(a)), Self::Samples(Samples::F32(b))) => put(a, b, range),
+            (Self::Whole(a), Self::Whole(b)) => put(&mut a.bytes, &b.bytes, range.map(|n| n * b.size)),
+            // Both lists have the type of the array.
+            _ => {}
+        }
+    }
+
+    /// Keeps the tuples that are marked.
+    pub(crate) fn keep(&mut self, marked: &[bool]) {
+        fn keep<T>(list: &mut Vec<T>, marked: &[bool], size: usize) {
+            let mut i = 0;
+            list.retain(|_| {
+                i += 1;
+                marked.get((i - 1) / size) == Some(&true)
+            });
+        }
+        match self {
+            Self::Samples(Samples::U8(v)) => keep(v, marked, 1),
+            Self::Samples(Samples::U16(v)) => keep(v, marked, 1),
+            Self::Samples(Samples::I16(v)) => keep(v, marked, 1),
+            Self::Samples(Samples::F32(v)) => keep(v, marked, 1),
+            Self::Whole(Tuples { size, bytes }) => keep(bytes, marked, *size),
+        }
+    }
+
+    /// Returns the samples; none if whole tuples were read.
+    pub(crate) fn into_samples(self) -> Samples {
+        match self {
+            Self::Samples(samples) => samples,
+            Self::Whole(_) => Samples::U8(Vec::new()),
+        }
+    }
+}
+
+impl From<Samples> for Values {
+    fn from(samples: Samples) -> Self {
+        Self::Samples(samples)
+    }
+}
+
+impl Tuples {
+    /// Returns an empty list.
+    pub(crate) fn none(kind: SampleType, components: usize) -> Self {
+        let size = usize::try_from(Pick::Whole.bytes(kind, components)).unwrap_or(usize::MAX);
+        Self { size: size.max(1), bytes: Vec::new() }
+    }
+
+    /// Appends numbers of a type; whole numbers are those nearest to the given ones.
+    pub(crate) fn push(&mut self, kind: SampleType, numbers: &[f64]) {
+        macro_rules! put {
+            ($type:ty) => {
+                self.bytes.extend(numbers.iter().flat_map(|&x| <$type as num::Nearest>::of(x).to_le_bytes()))
+            };
+        }
+        by_type!(kind, put)
+    }
+}
+
+impl Samples {
     /// Converts to 32-bit floats.
     pub(crate) fn into_f32(self) -> Vec<f32> {
         match self {
@@ -70,10 +178,14 @@ pub(crate) fn append(
     reader: &mut dyn Read,
     count: usize,
     layout: &Layout,
-    samples: &mut Samples,
+    values: &mut Values,
 ) -> std::io::Result<()> {
-    samples.reserve(count).map_err(|_| ErrorKind::OutOfMemory)?;
+    values.reserve(count).map_err(|_| ErrorKind::OutOfMemory)?;
     let Layout { kind, endian, components, pick, .. } = *layout;
+    let samples = match values {
+        Values::Samples(samples) => samples,
+        Values::Whole(tuples) => return append_whole(reader, count, layout, tuples),
+    };
     /// Appends to a list of the file's own type.
     macro_rules! kept {
         ($type:ty, $list:expr, $at:expr) => {{
@@ -93,6 +205,7 @@ pub(crate) fn append(
                     let length = |tuple: &[f64]| num::f32_of(magnitude(tuple));
                     convert(reader, count, components, wide, length, $list)
                 }
+                Pick::Whole => Err(ErrorKind::Unsupported.into()),
             }
         }};
     }
@@ -107,8 +220,36 @@ pub(crate) fn append(
     }
 }
 
+/// Appends whole tuples.
+fn append_whole(
+    reader: &mut dyn Read,
+    count: usize,
+    layout: &Layout,
+    tuples: &mut Tuples,
+) -> std::io::Result<()> {
+    const BLOCK: usize = 1 << 16;
+    let Layout { kind, endian, components, .. } = *layout;
+    if components == 0 || components > MAX_COMPONENTS {
+        return Err(ErrorKind::Unsupported.into());
+    }
+    let bytes = &mut tuples.bytes;
+    let mut left = count.saturating_mul(tuples.size);
+    while left > 0 {
+        let begin = bytes.len();
+        bytes.resize(begin + left.min(BLOCK), 0);
+        reader.read_exact(&mut bytes[begin..])?;
+        left -= bytes.len() - begin;
+    }
+    if endian == Endian::Big {
+        let size = usize::try_from(kind.bytes()).unwrap_or(1);
+        let begin = bytes.len() - count * tuples.size;
+        bytes[begin..].chunks_exact_mut(size).for_each(<[u8]>::reverse);
+    }
+    Ok(())
+}
+
 /// The Euclidean length of the tuple.
-fn magnitude(tuple: &[f64]) -> f64 {
+pub(crate) fn magnitude(tuple: &[f64]) -> f64 {
     tuple.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
@@ -284,9 +425,9 @@ mod tests {
     #[test]
     fn every_type_decodes_in_both_byte_orders() {
         let get = |kind, endian, bytes: &[u8]| {
-            let mut samples = Samples::none(kind, Pick::Component(0));
-            append(&mut &*bytes, 1, &Layout::scalar([1; 3], kind, endian), &mut samples).unwrap();
-            samples
+            let mut values = Values::none(kind, 1, Pick::Component(0));
+            append(&mut &*bytes, 1, &Layout::scalar([1; 3], kind, endian), &mut values).unwrap();
+            values.into_samples()
         };
         for (endian, flip) in [(Endian::Big, false), (Endian::Little, true)] {
             let order = |mut bytes: Vec<u8>| {
@@ -318,11 +459,12 @@ mod tests {
         let read = |pick| {
             let layout =
                 Layout { dims: [1; 3], kind: SampleType::I16, endian: Endian::Little, components: 3, pick };
-            let mut samples = Samples::none(layout.kind, pick);
-            append(&mut &*bytes, 2, &layout, &mut samples).map(|()| samples)
+            let mut values = Values::none(layout.kind, 3, pick);
+            append(&mut &*bytes, 2, &layout, &mut values).map(|()| values)
         };
-        assert_eq!(read(Pick::Component(1)).unwrap(), Samples::I16(vec![4, 12]));
-        assert_eq!(read(Pick::Magnitude).unwrap(), Samples::F32(vec![5.0, 13.0]));
+        assert_eq!(read(Pick::Component(1)).unwrap(), Samples::I16(vec![4, 12]).into());
+        assert_eq!(read(Pick::Magnitude).unwrap(), Samples::F32(vec![5.0, 13.0]).into());
+        assert_eq!(read(Pick::Whole).unwrap(), Values::Whole(Tuples { size: 6, bytes: bytes.clone() }));
     }
 
     #[test]

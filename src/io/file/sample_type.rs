@@ -126,11 +126,24 @@ impl Endian {
 
 /// The part of each tuple that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pick {
+pub(crate) enum Pick {
     /// One component, counted from 0.
     Component(usize),
     /// The Euclidean length of the tuple.
     Magnitude,
+    /// All components, in the type of the file.
+    Whole,
+}
+
+impl Pick {
+    /// Returns the memory that the part of a tuple takes, in bytes.
+    pub(crate) fn bytes(self, kind: SampleType, components: usize) -> u64 {
+        match self {
+            Self::Component(_) => kind.stored_bytes(),
+            Self::Magnitude => 4,
+            Self::Whole => u64::try_from(components).map_or(u64::MAX, |n| n.saturating_mul(kind.bytes())),
+        }
+    }
 }
 
 #[cfg(test)]

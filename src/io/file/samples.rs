@@ -3,14 +3,13 @@
 use std::io::{ErrorKind, Read};
 
 use crate::error::{Error, Result};
-use crate::io::file::decode::{Layout, append};
-use crate::io::file::sample_type::{Endian, Pick};
+use crate::io::file::decode::{Layout, Values, append};
+use crate::io::file::sample_type::Endian;
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::{Encoding, Source};
 use crate::io::file::text;
 use crate::io::options::ReadOptions;
 use crate::num;
-use crate::scene::Samples;
 
 /// One file's share of the samples, and where it begins.
 #[derive(Clone, Debug)]
@@ -51,7 +50,7 @@ pub(crate) fn data_size(
     let overflow = || wrong("samples are more than memory can address".to_owned());
     let count = layout.dims.iter().try_fold(1_u64, |n, &extent| n.checked_mul(u64::from(extent)));
     let count = count.ok_or_else(overflow)?;
-    let stored = if layout.pick == Pick::Magnitude { 4 } else { layout.kind.stored_bytes() };
+    let stored = layout.pick.bytes(layout.kind, layout.components);
     let memory = count.checked_mul(stored).ok_or_else(overflow)?;
     if memory > options.max_bytes {
         return Err(wrong(format!("samples take {memory} bytes: the limit is {}", options.max_bytes)));
@@ -72,13 +71,13 @@ pub(crate) fn read(
     parts: usize,
     part: &dyn Fn(usize, u64) -> Result<Part>,
     options: &ReadOptions,
-) -> Result<Samples> {
+) -> Result<Values> {
     let (count, bytes) = data_size(source, place, layout, options)?;
     if parts == 0 || count % parts != 0 {
         return Err(source.error(place, format!("{count} samples do not divide into {parts} files")));
     }
     let (share, bytes) = (count / parts, bytes / num::wide(parts));
-    let mut samples = Samples::none(layout.kind, layout.pick);
+    let mut samples = Values::none(layout.kind, layout.components, layout.pick);
     for i in 0..parts {
         let share = Share { part: part(i, bytes)?, layout, count: share, bytes };
         share.check()?;
@@ -134,7 +133,7 @@ impl Share<'_> {
         Ok(())
     }
 
-    fn read(&self, samples: &mut Samples) -> Result<()> {
+    fn read(&self, samples: &mut Values) -> Result<()> {
         let Part { source, offset, encoding, skip, text } = &self.part;
         let most = encoding.most(source.len().saturating_sub(*offset));
         let mut scanner = Scanner::of(source, source.reader(*offset, *encoding), most);

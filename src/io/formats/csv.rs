@@ -22,16 +22,15 @@ use crate::io::build::columns::{self, Column};
 use crate::io::build::origin::Origin;
 use crate::io::build::points;
 use crate::io::file::budget::Budget;
+use crate::io::file::decode::Values;
 use crate::io::file::sample_type::Pick;
 use crate::io::file::source::Source;
 use crate::io::file::text;
 use crate::io::formats::csv::row::{Delimiter, Row, is_number, is_skipped};
 use crate::io::formats::csv::table::{Table, TableColumn, positions};
-use crate::io::options::ReadOptions;
+use crate::io::options::Request;
 use crate::io::reader::Reader;
-use crate::io::report::Loaded;
-use crate::num;
-use crate::scene::Samples;
+use crate::io::report::Found;
 
 pub(crate) struct Csv;
 
@@ -69,8 +68,8 @@ impl Reader for Csv {
         }
     }
 
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
-        let mut budget = Budget::new(source, options);
+    fn read(&self, source: &Source, request: &Request) -> Result<Found> {
+        let mut budget = Budget::new(source, request);
         let table = Table::survey(source)?;
         let count = text::index(source, "rows", table.rows)?;
         let points = points::positions(source, &mut budget, count, |push| table.each(&table.axes, push))?;
@@ -82,16 +81,20 @@ impl Reader for Csv {
         let (scalars, own): (Vec<usize>, Vec<Column>) = others.filter_map(numeric).unzip();
         let groups = columns::groups(&own);
         let arrays = groups.iter().map(|group| group.info.clone()).collect();
-        let mut read = |index: usize, pick: Pick| -> Result<Samples> {
+        let mut read = |index: usize, pick: Pick| -> Result<Values> {
             let wanted: Vec<usize> = groups[index].needed(pick).iter().map(|&i| scalars[i]).collect();
-            let mut values = Vec::with_capacity(count);
-            table.each(&wanted, &mut |numbers| {
-                values.push(num::f32_of(columns::value(numbers, pick)));
-            })?;
-            Ok(Samples::F32(values))
+            columns::collect(&groups[index].info, pick, count, |push| table.each(&wanted, push))
         };
         let (budget, read) = (&mut budget, &mut read);
-        let origin = Origin { source, format: self.name(), arrays, options, budget, read };
+        let origin = Origin {
+            source,
+            format: self.name(),
+            arrays,
+            spare: columns::spare(&groups),
+            request,
+            budget,
+            read,
+        };
         let mut loaded = points::points(points, origin)?;
         loaded.report.notes.splice(0..0, table.notes());
         loaded.report.warnings.extend(table.warnings());

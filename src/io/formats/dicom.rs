@@ -31,9 +31,9 @@ pub(crate) use series::read_files;
 use crate::error::Result;
 use crate::io::file::source::Source;
 use crate::io::formats::dicom::recognise::{NAME, is_dicom};
-use crate::io::options::ReadOptions;
+use crate::io::options::Request;
 use crate::io::reader::Reader;
-use crate::io::report::Loaded;
+use crate::io::report::Found;
 
 pub(crate) struct Dicom;
 
@@ -51,12 +51,12 @@ impl Reader for Dicom {
     }
 
     #[cfg(feature = "dicom")]
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
-        series::read(source, options)
+    fn read(&self, source: &Source, request: &Request) -> Result<Found> {
+        series::read(source, request)
     }
 
     #[cfg(not(feature = "dicom"))]
-    fn read(&self, source: &Source, _: &ReadOptions) -> Result<Loaded> {
+    fn read(&self, source: &Source, _: &Request) -> Result<Found> {
         Err(source.error("format", "DICOM: this program was built without the feature \"dicom\""))
     }
 }
@@ -66,10 +66,10 @@ impl Reader for Dicom {
 pub(crate) fn read_files(
     folder: &std::path::Path,
     files: &[std::path::PathBuf],
-    options: &ReadOptions,
-) -> Result<Loaded> {
+    request: &Request,
+) -> Result<Found> {
     match files.first() {
-        Some(path) => Dicom.read(&Source::open(path, options)?, options),
+        Some(path) => Dicom.read(&Source::open(path, request)?, request),
         None => Err(crate::error::Error::file(folder, "files", "there is none")),
     }
 }

@@ -26,14 +26,15 @@ use crate::io::build::arrays::{ArrayInfo, Association, readings};
 use crate::io::build::dataset::Dataset;
 use crate::io::build::origin::Origin;
 use crate::io::file::budget::Budget;
+use crate::io::file::decode::{Tuples, Values};
 use crate::io::file::sample_type::{Pick, SampleType};
 use crate::io::file::source::Source;
 use crate::io::formats::gmsh::file::{Cells, File, PHYSICAL};
 use crate::io::formats::gmsh::tags::Tags;
 use crate::io::formats::gmsh::views::View;
-use crate::io::options::ReadOptions;
+use crate::io::options::Request;
 use crate::io::reader::Reader;
-use crate::io::report::Loaded;
+use crate::io::report::Found;
 use crate::num;
 use crate::scene::{CellKind, Samples};
 
@@ -55,11 +56,11 @@ impl Reader for Gmsh {
             || head.starts_with(b"$Comments") && head.windows(11).any(|bytes| bytes == b"$MeshFormat")
     }
 
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
-        let mut budget = Budget::new(source, options);
+    fn read(&self, source: &Source, request: &Request) -> Result<Found> {
+        let mut budget = Budget::new(source, request);
         let file = File::read(source, &budget)?;
         let File { format, points, nodes, cells, views, left_out, names, notes, .. } = file;
-        if let Some(wanted) = &options.array {
+        if let Some(wanted) = &request.array {
             refuse_left_out(source, wanted, &views, &left_out)?;
         }
         let Cells { mesh, elements, physical, .. } = cells;
@@ -92,11 +93,14 @@ impl Reader for Gmsh {
         let most = if of_cells { counts.0.max(counts.1) } else { counts.0 };
         budget.take("arrays", num::wide(most))?;
         let mut warnings = BTreeSet::new();
-        let mut read = |index: usize, pick: Pick| -> Result<Samples> {
+        let mut read = |index: usize, pick: Pick| -> Result<Values> {
             let Some(view) = views.get(index) else {
-                return Ok(Samples::F32(
-                    physical.iter().map(|&group| num::f32_of(f64::from(group))).collect(),
-                ));
+                if pick == Pick::Whole {
+                    let bytes = physical.iter().flat_map(|group| group.to_le_bytes()).collect();
+                    return Ok(Values::Whole(Tuples { size: 4, bytes }));
+                }
+                let groups = physical.iter().map(|&group| num::f32_of(f64::from(group))).collect();
+                return Ok(Samples::F32(groups).into());
             };
             let (tags, count) = match view.info.association {
                 Association::Point => (&nodes, counts.0),
@@ -123,11 +127,11 @@ impl Reader for Gmsh {
                 let rule = "has an interpolation scheme: between nodes it is interpolated linearly anyway";
                 warnings.insert(format!("{name}: {rule}"));
             }
-            Ok(Samples::F32(filled.values))
+            Ok(filled.values)
         };
         let dataset = Dataset { points, ..mesh };
         let (budget, read) = (&mut budget, &mut read);
-        let origin = Origin { source, format: self.name(), arrays, options, budget, read };
+        let origin = Origin { source, format: self.name(), arrays, spare: 0..0, request, budget, read };
         let mut loaded = dataset.build(origin)?;
         let report = &mut loaded.report;
         report.notes.splice(0..0, notes);

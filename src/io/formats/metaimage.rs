@@ -23,10 +23,9 @@ use crate::io::file::decode::Layout;
 use crate::io::file::samples;
 use crate::io::file::source::Source;
 use crate::io::formats::metaimage::header::{Header, SLOPE, keys, pair};
-use crate::io::options::ReadOptions;
+use crate::io::options::Request;
 use crate::io::reader::Reader;
-use crate::io::report::Loaded;
-use crate::scene::Grid;
+use crate::io::report::Found;
 
 pub(crate) struct MetaImage;
 
@@ -50,7 +49,7 @@ impl Reader for MetaImage {
             && (first == Some("NDims") || own.any(|key| key == "NDims"))
     }
 
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+    fn read(&self, source: &Source, request: &Request) -> Result<Found> {
         let header = Header::read(source)?;
         let fields = &header.fields;
         let sizes = header.sizes()?;
@@ -62,7 +61,7 @@ impl Reader for MetaImage {
             None => 1,
             Some(_) => usize::try_from(fields.whole_number(place, 1)?).unwrap_or(usize::MAX),
         };
-        let chosen = Chosen::new(source, place, Layout::scalar(dims, kind, endian), components, options)?;
+        let mut chosen = Chosen::new(source, place, Layout::scalar(dims, kind, endian), components, request)?;
         let rescale = header.rescale(&chosen)?;
         let placement = header.placement()?;
 
@@ -71,15 +70,15 @@ impl Reader for MetaImage {
         let parts = usize::try_from(data.files.as_ref().map_or(1, Files::count)).unwrap_or(usize::MAX);
         let stored = Cell::new(0_u64);
         let part = |index, share| {
-            let part = header.part(&data, index, share, options)?;
+            let part = header.part(&data, index, share, request)?;
             let bytes = part.source.len().saturating_sub(part.offset);
             stored.set(stored.get().saturating_add(bytes));
             Ok(part)
         };
-        let samples = samples::read(source, "DimSize", &chosen.layout, parts, &part, options)?;
+        let samples = samples::read(source, "DimSize", &chosen.layout, parts, &part, request)?;
 
         let located = |name, error| fields.located(name, error);
-        let grid = Grid::new(dims, samples).map_err(|error| error.in_file(source.path()))?;
+        let grid = chosen.grid(samples).map_err(|error| error.in_file(source.path()))?;
         let grid = grid.with_rescale(rescale).map_err(|error| located(SLOPE, error))?;
         let mut loaded = chosen.placed(self.name(), grid, placement, &located)?;
         // Only a warning: the stream has its own checksum, and the number is stale in many files.

@@ -16,11 +16,11 @@ use crate::io::file::sample_type::SampleType;
 use crate::io::file::samples::{self, Part};
 use crate::io::file::source::Source;
 use crate::io::formats::nifti::header::{HEADER, Header, PAIR, SINGLE};
-use crate::io::options::ReadOptions;
+use crate::io::options::Request;
 use crate::io::reader::Reader;
-use crate::io::report::Loaded;
+use crate::io::report::Found;
 use crate::num;
-use crate::scene::{Anatomy, Grid, Rescale};
+use crate::scene::{Anatomy, Rescale};
 
 pub(crate) struct Nifti;
 
@@ -37,11 +37,11 @@ impl Reader for Nifti {
         source.head().get(344..HEADER).is_some_and(|magic| magic == SINGLE || magic == PAIR)
     }
 
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+    fn read(&self, source: &Source, request: &Request) -> Result<Found> {
         let single = source.head().get(344..HEADER) == Some(SINGLE.as_slice());
         match sibling(source, "img", "hdr").filter(|_| !single) {
-            Some(header) => read(&source.sibling(&header, options)?, self.name(), options),
-            None => read(source, self.name(), options),
+            Some(header) => read(&source.sibling(&header, request)?, self.name(), request),
+            None => read(source, self.name(), request),
         }
     }
 }
@@ -62,7 +62,7 @@ fn sibling(source: &Source, from: &str, to: &str) -> Option<PathBuf> {
     Some(if !source.has_sibling(&plain) && source.has_sibling(&packed) { packed } else { plain })
 }
 
-fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<Loaded> {
+fn read(source: &Source, format: &'static str, request: &Request) -> Result<Found> {
     let (header, endian) = Header::parse(source)?;
     let dims = dims(source, &header)?;
     let kind = sample_type(source, &header)?;
@@ -94,11 +94,11 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
         let path = sibling(source, "hdr", "img").ok_or_else(|| {
             source.error("magic", "\"ni1\": a header with a separate image must be named .hdr or .hdr.gz")
         })?;
-        source.sibling(&path, options)?
+        source.sibling(&path, request)?
     };
-    let chosen = Chosen::new(source, "dim", Layout::scalar(dims, kind, endian), 1, options)?;
+    let mut chosen = Chosen::new(source, "dim", Layout::scalar(dims, kind, endian), 1, request)?;
     let part = |_, bytes| Ok(Part::sized(data.clone(), skip, bytes));
-    let samples = samples::read(source, "dim", &chosen.layout, 1, &part, options)?;
+    let samples = samples::read(source, "dim", &chosen.layout, 1, &part, request)?;
 
     let (place, columns, origin, anatomy) = placement(&header);
     let axes = [columns.x_axis, columns.y_axis, columns.z_axis];
@@ -106,7 +106,7 @@ fn read(source: &Source, format: &'static str, options: &ReadOptions) -> Result<
     let [x, y, z] = axes.map(|axis| axis / axis.length());
     let direction = DMat3::from_cols(x, y, z);
     let located = |place: &'static str, error: Error| error.at_place(source.path(), place);
-    let grid = Grid::new(dims, samples).map_err(|error| error.in_file(data.path()))?;
+    let grid = chosen.grid(samples).map_err(|error| error.in_file(data.path()))?;
     let grid = grid.with_rescale(rescale(&header)).map_err(|error| located("scl_slope, scl_inter", error))?;
     let placement = Placement { place, spacing, origin, direction, anatomy, notes: Vec::new(), warnings };
     chosen.placed(format, grid, placement, &located)

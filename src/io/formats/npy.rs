@@ -18,9 +18,9 @@ use crate::error::Result;
 use crate::io::file::source::Source;
 use crate::io::formats::npy::array::Array;
 use crate::io::formats::npy::header::MAGIC;
-use crate::io::options::ReadOptions;
+use crate::io::options::Request;
 use crate::io::reader::Reader;
-use crate::io::report::Loaded;
+use crate::io::report::Found;
 
 pub(crate) struct Npy;
 
@@ -43,17 +43,17 @@ impl Reader for Npy {
         !source.is_gzip() && source.head().starts_with(MAGIC)
     }
 
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+    fn read(&self, source: &Source, request: &Request) -> Result<Found> {
         let array = Array::open(source)?;
         match *array.shape.as_slice() {
-            [n, k] if (3..PICTURE).contains(&k) => array.points(n, k, options),
-            [z, y, x] => array.grid([x, y, z], 1, options),
+            [n, k] if (3..PICTURE).contains(&k) => array.points(n, k, request),
+            [z, y, x] => array.grid([x, y, z], 1, request),
             [1, z, y, x] if x > 1 => {
-                let mut loaded = array.grid([x, y, z], 1, options)?;
+                let mut loaded = array.grid([x, y, z], 1, request)?;
                 loaded.report.notes.push("the first of four axes has one entry: left out".to_owned());
                 Ok(loaded)
             }
-            [z, y, x, c] if c <= MAX_TUPLE => array.grid([x, y, z], c, options),
+            [z, y, x, c] if c <= MAX_TUPLE => array.grid([x, y, z], c, request),
             _ => Err(source.error(
                 "shape",
                 format!(

@@ -27,10 +27,9 @@ use crate::io::file::sample_type::Pick;
 use crate::io::file::samples::{self, Part};
 use crate::io::file::source::{Encoding, Source};
 use crate::io::formats::nrrd::header::Header;
-use crate::io::options::ReadOptions;
+use crate::io::options::{Request, Wanted};
 use crate::io::reader::Reader;
-use crate::io::report::Loaded;
-use crate::scene::Grid;
+use crate::io::report::Found;
 
 pub(crate) struct Nrrd;
 
@@ -50,7 +49,7 @@ impl Reader for Nrrd {
         !source.is_gzip() && source.head().starts_with(b"NRRD")
     }
 
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+    fn read(&self, source: &Source, request: &Request) -> Result<Found> {
         let header = Header::read(source)?;
         let kind = header.sample_type()?;
         let axes = header.axes()?;
@@ -59,8 +58,10 @@ impl Reader for Nrrd {
         let placement = header.placement(&axes)?;
         let dims = axes.dims();
         let mut chosen =
-            Chosen::new(source, "sizes", Layout::scalar(dims, kind, endian), axes.components(), options)?;
-        let first_alone = axes.components() > 1 && options.array.is_none() && header.has_no_length();
+            Chosen::new(source, "sizes", Layout::scalar(dims, kind, endian), axes.components(), request)?;
+        let is_scene = request.wanted == Wanted::Scene;
+        let first_alone =
+            is_scene && axes.components() > 1 && request.array.is_none() && header.has_no_length();
         if first_alone {
             chosen.layout.pick = Pick::Component(0);
         }
@@ -78,7 +79,7 @@ impl Reader for Nrrd {
         let part = |index: usize, share: u64| {
             let (data, start) = match &files {
                 None => (source.clone(), header.end),
-                Some(files) => (source.sibling(Path::new(&files.name(index)), options)?, 0),
+                Some(files) => (source.sibling(Path::new(&files.name(index)), request)?, 0),
             };
             let begin = skip_lines(&data, start, lines)?;
             let skip = match skip {
@@ -100,9 +101,9 @@ impl Reader for Nrrd {
             Ok(Part { source: data, offset, encoding, skip, text: packing.is_none() })
         };
         let parts = usize::try_from(count).unwrap_or(usize::MAX);
-        let samples = samples::read(source, "sizes", &chosen.layout, parts, &part, options)?;
+        let samples = samples::read(source, "sizes", &chosen.layout, parts, &part, request)?;
 
-        let grid = Grid::new(dims, samples).map_err(|error| error.in_file(source.path()))?;
+        let grid = chosen.grid(samples).map_err(|error| error.in_file(source.path()))?;
         let located = |name, error| header.fields.located(name, error);
         let mut loaded = chosen.placed(self.name(), grid, placement, &located)?;
         if first_alone {

@@ -14,16 +14,15 @@ use crate::io::build::columns::{self, Column};
 use crate::io::build::origin::Origin;
 use crate::io::build::points;
 use crate::io::file::budget::Budget;
+use crate::io::file::decode::Values;
 use crate::io::file::sample_type::Pick;
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{self, shown};
 use crate::io::formats::ply::header::{Element, Header, Property, recognises};
-use crate::io::options::ReadOptions;
+use crate::io::options::Request;
 use crate::io::reader::Reader;
-use crate::io::report::Loaded;
-use crate::num;
-use crate::scene::Samples;
+use crate::io::report::Found;
 
 pub(crate) struct Ply;
 
@@ -40,8 +39,8 @@ impl Reader for Ply {
         recognises(source)
     }
 
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
-        let mut budget = Budget::new(source, options);
+    fn read(&self, source: &Source, request: &Request) -> Result<Found> {
+        let mut budget = Budget::new(source, request);
         let mut scanner = Scanner::new(source);
         let header = Header::read(&mut scanner)?;
         let (place, axes) = header.vertex(source)?;
@@ -80,17 +79,23 @@ impl Reader for Ply {
         }
         let groups = columns::groups(&own);
         let arrays = groups.iter().map(|group| group.info.clone()).collect();
-        let mut read = |index: usize, pick: Pick| -> Result<Samples> {
+        let mut read = |index: usize, pick: Pick| -> Result<Values> {
             let wanted: Vec<usize> = groups[index].needed(pick).iter().map(|&i| scalars[i]).collect();
             let mut scanner = Scanner::resume(source, begin.0, begin.1)?;
-            let mut values = Vec::with_capacity(count);
-            header.each(&mut scanner, vertex, &wanted, &mut |numbers| {
-                values.push(num::f32_of(columns::value(numbers, pick)));
-            })?;
-            Ok(Samples::F32(values))
+            columns::collect(&groups[index].info, pick, count, |push| {
+                header.each(&mut scanner, vertex, &wanted, push)
+            })
         };
         let (budget, read) = (&mut budget, &mut read);
-        let origin = Origin { source, format: self.name(), arrays, options, budget, read };
+        let origin = Origin {
+            source,
+            format: self.name(),
+            arrays,
+            spare: columns::spare(&groups),
+            request,
+            budget,
+            read,
+        };
         let mut loaded = points::points(points, origin)?;
         loaded.report.notes.splice(0..0, notes);
         Ok(loaded)

@@ -12,17 +12,18 @@ pub(crate) mod layout;
 
 use std::path::{Path, PathBuf};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::io::build::data_file::Lattice;
 use crate::io::build::volume::Chosen;
-use crate::io::file::decode::Layout;
+use crate::io::file::decode::{Layout, Values};
 use crate::io::file::samples::{self, Part};
 use crate::io::file::source::Source;
 use crate::io::file::text;
 use crate::io::formats::raw::file_name::named;
 use crate::io::formats::raw::layout::{RawLayout, Sidecar};
-use crate::io::options::ReadOptions;
+use crate::io::options::{ReadOptions, Request, Wanted};
 use crate::io::reader::Reader;
-use crate::io::report::Loaded;
+use crate::io::report::{Found, Loaded};
 use crate::scene::Grid;
 
 /// Reads a file that holds `layout.offset` bytes, then exactly the samples. A gzip stream is decompressed first, and
@@ -37,11 +38,15 @@ pub fn read_raw(path: impl AsRef<Path>, layout: &RawLayout, options: &ReadOption
 }
 
 pub(crate) fn read(source: &Source, layout: &RawLayout, options: &ReadOptions) -> Result<Grid> {
-    let part = |_, bytes| Ok(Part::sized(source.clone(), layout.offset, bytes));
-    let samples = samples::read(source, "dims", &numbers(layout), 1, &part, options)?;
+    let samples = values(source, layout, &numbers(layout), options)?.into_samples();
     Grid::new(layout.dims, samples)
         .and_then(|grid| grid.with_placement(layout.spacing, layout.origin, layout.direction))
         .map_err(|error| error.in_file(source.path()))
+}
+
+fn values(source: &Source, layout: &RawLayout, numbers: &Layout, options: &ReadOptions) -> Result<Values> {
+    let part = |_, bytes| Ok(Part::sized(source.clone(), layout.offset, bytes));
+    samples::read(source, "dims", numbers, 1, &part, options)
 }
 
 pub(crate) struct Raw;
@@ -60,7 +65,7 @@ impl Reader for Raw {
         false
     }
 
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+    fn read(&self, source: &Source, request: &Request) -> Result<Found> {
         let name = source.path().file_name().map(|name| name.to_string_lossy().into_owned());
         let name = name.unwrap_or_default();
         let Some(stem) = stem(&name) else {
@@ -74,11 +79,11 @@ impl Reader for Raw {
                 }
             };
             let layout = sidecar.layout(|key, rule| source.error(key, rule));
-            return load(&source.sibling(&data, options)?, &layout?, options, Vec::new());
+            return found(&source.sibling(&data, request)?, &layout?, request, Vec::new());
         };
         let beside = PathBuf::from(format!("{stem}.json"));
         if source.has_sibling(&beside) {
-            let json = source.sibling(&beside, options)?;
+            let json = source.sibling(&beside, request)?;
             if let Some(sidecar) = Sidecar::parse(&json)? {
                 if let Some(other) =
                     sidecar.file.as_ref().filter(|file| file.strip_prefix("./").unwrap_or(file) != name)
@@ -88,11 +93,11 @@ impl Reader for Raw {
                 }
                 let notes = vec![format!("layout from {}", beside.display())];
                 let layout = sidecar.layout(|key, rule| json.error(key, rule))?;
-                return load(source, &layout, options, notes);
+                return found(source, &layout, request, notes);
             }
         }
         let (layout, notes) = named(source, stem)?;
-        let bytes = samples::data_size(source, "name", &numbers(&layout), options)?.1;
+        let bytes = samples::data_size(source, "name", &numbers(&layout), request)?.1;
         if bytes != source.len() && !source.is_gzip() {
             let [x, y, z] = layout.dims;
             let kind = layout.kind.name();
@@ -102,7 +107,7 @@ impl Reader for Raw {
             );
             return Err(source.error("name", rule));
         }
-        load(source, &layout, options, notes)
+        found(source, &layout, request, notes)
     }
 }
 
@@ -113,10 +118,26 @@ pub(crate) fn load(
     options: &ReadOptions,
     notes: Vec<String>,
 ) -> Result<Loaded> {
-    let chosen = Chosen::new(source, "dims", numbers(layout), 1, options)?;
+    let chosen = Chosen::new(source, "dims", numbers(layout), 1, &Request::scene(options))?;
     let mut loaded = chosen.loaded("raw samples", read(source, layout, options)?);
     loaded.report.notes.extend(notes);
     Ok(loaded)
+}
+
+/// Reads raw samples as they are requested.
+fn found(source: &Source, layout: &RawLayout, request: &Request, notes: Vec<String>) -> Result<Found> {
+    if request.wanted == Wanted::Scene {
+        return Ok(load(source, layout, request, notes)?.into());
+    }
+    let mut chosen = Chosen::new(source, "dims", numbers(layout), 1, request)?;
+    let values = values(source, layout, &chosen.layout, request)?;
+    let located = |error: Error| error.in_file(source.path());
+    let grid = chosen.grid(values).map_err(located)?;
+    let RawLayout { dims, spacing, origin, direction, .. } = *layout;
+    let lattice = Lattice::new(dims, spacing, origin, direction, &grid).map_err(located)?;
+    let mut found = chosen.found("raw samples", grid, lattice);
+    found.report.notes.extend(notes);
+    Ok(found)
 }
 
 fn numbers(layout: &RawLayout) -> Layout {

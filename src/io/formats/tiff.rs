@@ -21,20 +21,22 @@ use std::path::{Path, PathBuf};
 use glam::DMat3;
 
 use crate::error::{Error, Result};
+use crate::io::build::data_file::{Array, DataFile, Lattice, Shape, stand_in};
 use crate::io::build::volume::rescale_of;
 use crate::io::file::budget::Budget;
-use crate::io::file::decode::Layout;
+use crate::io::file::decode::{Layout, Values};
+use crate::io::file::sample_type::Pick;
 use crate::io::file::samples;
 use crate::io::file::source::Source;
 use crate::io::formats::tiff::calibration::{Calibration, Volume};
 use crate::io::formats::tiff::file::is_tiff;
 use crate::io::formats::tiff::look::Look;
 use crate::io::formats::tiff::stack::Stack;
-use crate::io::options::ReadOptions;
+use crate::io::options::{ReadOptions, Request};
 use crate::io::reader::Reader;
-use crate::io::report::Loaded;
+use crate::io::report::{Found, Loaded};
 use crate::num::wide;
-use crate::scene::{Grid, Samples};
+use crate::scene::Grid;
 
 pub(crate) struct Tiff;
 
@@ -55,7 +57,7 @@ impl Reader for Tiff {
         is_tiff(source)
     }
 
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+    fn read(&self, source: &Source, request: &Request) -> Result<Found> {
         let mut stack = Stack::open(source)?;
         let images = stack.contiguous()?.unwrap_or(stack.pages.len());
         let volumes = stack.calibration.volumes(images);
@@ -66,56 +68,66 @@ impl Reader for Tiff {
             return Err(source.error("pages", format!("{ONE_PAGE}{more}")));
         }
         let Stack { file, shape, pages, ratio, scratch, calibration, notes } = stack;
-        let look = Look::choose(source, &shape, &volumes, options)?;
-        let Volume { first, stride, slices, .. } = volumes[look.volume];
-        let layout = shape.layout(&look, slices);
+        let looks = Look::choose(source, &shape, &volumes, request)?;
         let most = (source.len().saturating_mul(ratio), format!("{} bytes", source.len()));
-        let mut values = reserve(source, "pages", &layout, &most, scratch, options)?;
-        for index in (0..slices).map(|slice| first + slice * stride) {
-            if let Some(&(number, offset)) = pages.get(index) {
-                let page = file.directory(number, offset)?.page()?;
-                shape.check(source, &page)?;
-                page.append(&file, &page.chunks(&file)?, &look, &mut values)?;
-            } else {
-                // One directory describes several contiguous images.
-                let (image, strip) = shape.following(&file, index)?;
-                image.append(&file, &[strip], &look, &mut values)?;
+        let mut budget = Budget::new(source, request);
+        let mut read = |look: &Look| {
+            let Volume { first, stride, slices, .. } = volumes[look.volume];
+            let layout = shape.layout(look, slices);
+            let mut values = reserve(source, "pages", &layout, &most, scratch, &mut budget, request)?;
+            for index in (0..slices).map(|slice| first + slice * stride) {
+                if let Some(&(number, offset)) = pages.get(index) {
+                    let page = file.directory(number, offset)?.page()?;
+                    shape.check(source, &page)?;
+                    page.append(&file, &page.chunks(&file)?, look, &mut values)?;
+                } else {
+                    // One directory describes several contiguous images.
+                    let (image, strip) = shape.following(&file, index)?;
+                    image.append(&file, &[strip], look, &mut values)?;
+                }
             }
-        }
-        finish(source, self.name(), layout.dims, values, calibration, look, notes)
+            Ok((layout.dims, values))
+        };
+        finish(source, self.name(), looks, &mut read, calibration, notes)
     }
 }
 
 /// Reads one slice from each file, in this order. `folder` is for messages.
-pub(crate) fn read_series(folder: &Path, files: &[PathBuf], options: &ReadOptions) -> Result<Loaded> {
+pub(crate) fn read_series(folder: &Path, files: &[PathBuf], request: &Request) -> Result<Found> {
     let Some(path) = files.first() else {
         return Err(Error::file(folder, "files", "there is none"));
     };
-    let source = &Source::open(path, options)?;
+    let source = &Source::open(path, request)?;
     let first = Stack::single(source)?;
     let volumes = [Volume { name: String::new(), first: 0, stride: 1, slices: files.len() }];
-    let look = Look::choose(source, &first.shape, &volumes, options)?;
-    let layout = first.shape.layout(&look, files.len());
-    samples::data_size(source, "slices", &layout, options)?;
+    let looks = Look::choose(source, &first.shape, &volumes, request)?;
+    for look in &looks {
+        samples::data_size(source, "slices", &first.shape.layout(look, files.len()), request)?;
+    }
     let (mut most, mut scratch) = (0_u64, 0);
     for path in files {
-        let source = Source::open(path, options)?;
+        let source = Source::open(path, request)?;
         let stack = Stack::single(&source)?;
         first.shape.check(&source, &stack.shape)?;
         most = most.saturating_add(source.len().saturating_mul(stack.ratio));
         scratch = stack.scratch.max(scratch);
     }
     let most = (most, "the files".to_owned());
-    let mut values = reserve(source, "slices", &layout, &most, scratch, options)?;
-    for path in files {
-        let source = Source::open(path, options)?;
-        // The file may have been replaced in the meantime.
-        let stack = Stack::single(&source)?;
-        first.shape.check(&source, &stack.shape)?;
-        stack.shape.append(&stack.file, &stack.shape.chunks(&stack.file)?, &look, &mut values)?;
-    }
-    let Stack { calibration, notes, .. } = first;
-    finish(source, "TIFF slices", layout.dims, values, calibration, look, notes)
+    let mut budget = Budget::new(source, request);
+    let mut read = |look: &Look| {
+        let layout = first.shape.layout(look, files.len());
+        let mut values = reserve(source, "slices", &layout, &most, scratch, &mut budget, request)?;
+        for path in files {
+            let source = Source::open(path, request)?;
+            // The file may have been replaced in the meantime.
+            let stack = Stack::single(&source)?;
+            first.shape.check(&source, &stack.shape)?;
+            stack.shape.append(&stack.file, &stack.shape.chunks(&stack.file)?, look, &mut values)?;
+        }
+        Ok((layout.dims, values))
+    };
+    let (calibration, notes) = (first.calibration.clone(), first.notes.clone());
+    finish(source, "TIFF slices", looks, &mut read, calibration, notes)
 }
 
 /// Takes the memory for these samples, which the files must be able to hold: at most `most` bytes. `scratch` is what
@@ -126,48 +138,67 @@ fn reserve(
     layout: &Layout,
     (most, holder): &(u64, String),
     scratch: u64,
+    budget: &mut Budget,
     options: &ReadOptions,
-) -> Result<Samples> {
+) -> Result<Values> {
     let (count, in_file) = samples::data_size(source, place, layout, options)?;
     if in_file > *most {
         let rule =
             format!("needs {in_file} bytes for {} slices: {holder} hold at most {most}", layout.dims[2]);
         return Err(source.error(place, rule));
     }
-    let mut values = Samples::none(layout.kind, layout.pick);
-    let mut budget = Budget::new(source, options);
-    budget.take(place, wide(count).saturating_mul(wide(values.sample_bytes())))?;
+    let mut values = Values::none(layout.kind, layout.components, layout.pick);
+    budget.take(place, wide(count).saturating_mul(layout.pick.bytes(layout.kind, layout.components)))?;
     budget.take(place, scratch)?;
+    budget.put_back(scratch);
     values.reserve(count).map_err(|_| source.error(place, format!("{count} samples: memory is full")))?;
     Ok(values)
 }
 
+/// Reads an array, and returns its extents too.
+type ReadLook<'r> = dyn FnMut(&Look) -> Result<([u32; 3], Values)> + 'r;
+
 fn finish(
     source: &Source,
     format: &'static str,
-    dims: [u32; 3],
-    values: Samples,
+    mut looks: Vec<Look>,
+    read: &mut ReadLook,
     calibration: Calibration,
-    look: Look,
     mut notes: Vec<String>,
-) -> Result<Loaded> {
+) -> Result<Found> {
     let located = |error: Error| error.in_file(source.path());
-    let mut grid = Grid::new(dims, values)
-        .and_then(|grid| grid.with_placement(calibration.spacing, calibration.origin, DMat3::IDENTITY))
-        .map_err(located)?;
-    if let Some(rescale) = calibration.rescale {
+    let Calibration { spacing, origin, .. } = calibration;
+    let place = |grid: Grid, look: &Look, pick: Pick| {
+        let grid = grid.with_placement(spacing, origin, DMat3::IDENTITY).map_err(located)?;
+        let Some(rescale) = calibration.rescale else { return Ok(grid) };
         let array = look.shown.trim_start_matches("point:").trim_end_matches(":magnitude");
-        let rescale = rescale_of(look.pick, array, source, "ImageDescription", rescale)?;
-        grid = grid.with_rescale(rescale).map_err(located)?;
+        let rescale = rescale_of(pick, array, source, "ImageDescription", rescale)?;
+        grid.with_rescale(rescale).map_err(located)
+    };
+    let mut kept = Vec::new();
+    let mut shape = None;
+    for look in &looks {
+        let Some((index, pick)) = look.kept else { continue };
+        let (dims, Values::Whole(tuples)) = read(look)? else { continue };
+        shape = Some(Shape::Even(Lattice::of(&place(stand_in()?, look, pick)?, dims)));
+        kept.push(Array { info: look.arrays[index].clone(), tuples }.picked(pick));
     }
-    let mut loaded = Loaded::new(format, grid);
+    let look = looks.swap_remove(0);
+    let mut found = match shape {
+        Some(shape) => Found::of_arrays(format, DataFile { shape, arrays: kept }),
+        None => {
+            let (dims, values) = read(&look)?;
+            let grid = Grid::new(dims, values.into_samples()).map_err(located)?;
+            Loaded::new(format, place(grid, &look, look.pick)?).into()
+        }
+    };
     notes.extend(calibration.notes);
-    loaded.report.notes = notes;
-    loaded.report.warnings = calibration.warnings;
-    loaded.report.warnings.extend(look.others);
+    found.report.notes = notes;
+    found.report.warnings = calibration.warnings;
+    found.report.warnings.extend(look.others);
     if look.arrays.len() > 1 || look.arrays.iter().any(|array| array.components > 1) {
-        loaded.report.arrays = look.arrays;
-        loaded.report.shown = Some(look.shown);
+        found.report.arrays = look.arrays;
+        found.report.shown = Some(look.shown);
     }
-    Ok(loaded)
+    Ok(found)
 }

@@ -28,16 +28,14 @@ use crate::io::build::arrays::Association;
 use crate::io::build::dataset::Dataset;
 use crate::io::build::lattice::{self, Places};
 use crate::io::build::origin::Origin;
-use crate::io::build::points::keep;
 use crate::io::file::budget::Budget;
 use crate::io::file::source::Source;
 use crate::io::formats::vtk_legacy::contents::{Contents, Kind};
 use crate::io::formats::vtk_legacy::keywords::MAGIC;
 use crate::io::formats::vtk_legacy::walk::Walk;
-use crate::io::options::ReadOptions;
+use crate::io::options::Request;
 use crate::io::reader::Reader;
-use crate::io::report::Loaded;
-use crate::scene::Samples;
+use crate::io::report::Found;
 
 pub(crate) struct VtkLegacy;
 
@@ -54,10 +52,10 @@ impl Reader for VtkLegacy {
         source.head().get(..MAGIC.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(MAGIC))
     }
 
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
+    fn read(&self, source: &Source, request: &Request) -> Result<Found> {
         let contents = Walk::over(source)?;
-        let budget = Budget::new(source, options);
-        let mut file = File { source, options, budget, contents, shown: None };
+        let budget = Budget::new(source, request);
+        let mut file = File { source, request, budget, contents, shown: None };
         let mut loaded = match file.contents.kind {
             Kind::StructuredPoints => {
                 let places = file.structured_points();
@@ -81,7 +79,7 @@ impl Reader for VtkLegacy {
 /// A file after its first pass.
 struct File<'a> {
     source: &'a Source,
-    options: &'a ReadOptions,
+    request: &'a Request<'a>,
     budget: Budget<'a>,
     contents: Contents,
     /// Whether each cell of the file is kept, if some are dropped.
@@ -107,33 +105,28 @@ impl File<'_> {
     }
 
     /// Passes the arrays of the file, its memory and the function that reads an array to a builder.
-    fn build(&mut self, build: impl FnOnce(Origin) -> Result<Loaded>) -> Result<Loaded> {
+    fn build(&mut self, build: impl FnOnce(Origin) -> Result<Found>) -> Result<Found> {
         let (source, shown, arrays) = (self.source, self.shown.as_deref(), &self.contents.arrays);
         let mut read = |index: usize, pick| {
             let (info, stored) = &arrays[index];
-            let mut samples = stored.samples(source, pick)?;
+            let mut samples = stored.values(source, pick)?;
             if let Some(shown) = shown.filter(|_| info.association == Association::Cell) {
-                match &mut samples {
-                    Samples::U8(list) => keep(list, shown),
-                    Samples::U16(list) => keep(list, shown),
-                    Samples::I16(list) => keep(list, shown),
-                    Samples::F32(list) => keep(list, shown),
-                }
+                samples.keep(shown);
             }
             Ok(samples)
         };
         let arrays = arrays.iter().map(|(info, _)| info.clone()).collect();
-        let (options, budget, read) = (self.options, &mut self.budget, &mut read);
-        build(Origin { source, format: VtkLegacy.name(), arrays, options, budget, read })
+        let (request, budget, read) = (self.request, &mut self.budget, &mut read);
+        build(Origin { source, format: VtkLegacy.name(), arrays, spare: 0..0, request, budget, read })
     }
 
-    fn lattice(&mut self, places: Places) -> Result<Loaded> {
+    fn lattice(&mut self, places: Places) -> Result<Found> {
         let (dims, points, cells) = self.dims()?;
         self.contents.fit(self.source, points, cells)?;
         self.build(|origin| lattice::build(origin, dims, places))
     }
 
-    fn dataset(&mut self, dataset: Dataset) -> Result<Loaded> {
+    fn dataset(&mut self, dataset: Dataset) -> Result<Found> {
         self.build(|origin| dataset.build(origin))
     }
 }

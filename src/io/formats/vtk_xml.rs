@@ -21,9 +21,9 @@ use crate::io::file::source::Source;
 use crate::io::formats::vtk_xml::document::{Document, Kind};
 use crate::io::formats::vtk_xml::fields::Fields;
 use crate::io::formats::vtk_xml::store::Store;
-use crate::io::options::ReadOptions;
+use crate::io::options::Request;
 use crate::io::reader::Reader;
-use crate::io::report::Loaded;
+use crate::io::report::Found;
 
 /// A file whose structure has been read.
 struct File<'a> {
@@ -52,16 +52,17 @@ impl Reader for VtkXml {
         head.starts_with(b"<") && head.windows(8).any(|window| window == b"<VTKFile")
     }
 
-    fn read(&self, source: &Source, options: &ReadOptions) -> Result<Loaded> {
-        let mut budget = Budget::new(source, options);
+    fn read(&self, source: &Source, request: &Request) -> Result<Found> {
+        let mut budget = Budget::new(source, request);
         let document = Document::read(source, &mut budget)?;
-        let Fields { arrays, notes, .. } = Fields::of(source, &document, options)?;
+        let Fields { arrays, notes, .. } = Fields::of(source, &document, request)?;
         let store = Store::new(source, document.storage, budget.clone());
         let mut file = File { source, document, store, arrays, budget, notes };
         let mut loaded = match file.document.kind {
-            Kind::Image | Kind::Rectilinear => file.lattice(options),
-            Kind::Unstructured => file.cells(options),
+            Kind::Image | Kind::Rectilinear => file.lattice(request),
+            Kind::Unstructured => file.cells(request),
         }?;
+        file.store.check_end(&file.document)?;
         loaded.report.notes.splice(0..0, file.notes);
         loaded.report.warnings.splice(0..0, file.document.warnings);
         Ok(loaded)

@@ -6,7 +6,8 @@ use super::*;
 use crate::io::build::arrays::{ArrayInfo, Association};
 use crate::io::file::sample_type::{Pick, SampleType};
 use crate::io::file::source::Source;
-use crate::io::options::ReadOptions;
+use crate::io::options::{ReadOptions, Request};
+use crate::io::report::Content;
 use crate::num;
 use crate::scene::{Data, KernelSize, Samples, TetScalars, Tets};
 
@@ -15,7 +16,7 @@ fn array(name: &str, association: Association, components: usize) -> ArrayInfo {
 }
 
 /// Builds a dataset with one array of each association: a linear field, and the cell's number.
-fn build_with(dataset: Dataset, options: &ReadOptions, ghosts: Option<Vec<u8>>) -> Result<Loaded> {
+fn build_with(dataset: Dataset, options: &ReadOptions, ghosts: Option<Vec<u8>>) -> Result<Found> {
     build_of(dataset, options, ghosts, linear)
 }
 
@@ -25,7 +26,7 @@ fn build_of(
     options: &ReadOptions,
     ghosts: Option<Vec<u8>>,
     field: impl Fn(DVec3) -> f64,
-) -> Result<Loaded> {
+) -> Result<Found> {
     let source = Source::in_memory(&[("a.vtu", b"")])?;
     let field: Vec<f32> = dataset.points.iter().map(|p| num::f32_of(field(*p))).collect();
     let cells: Vec<f32> = (0..dataset.types.len()).map(|i| num::f32_of(num::f64_of(i))).collect();
@@ -34,21 +35,30 @@ fn build_of(
         arrays.push(ArrayInfo { kind: SampleType::U8, ..array("vtkGhostType", Association::Cell, 1) });
     }
     let mut read = |index: usize, _: Pick| {
-        Ok(match index {
+        let samples = match index {
             0 => Samples::F32(field.clone()),
             1 => Samples::F32(cells.clone()),
             _ => Samples::U8(ghosts.clone().unwrap_or_default()),
-        })
+        };
+        Ok(samples.into())
     };
     let mut budget = Budget::new(&source, options);
     let (budget, read) = (&mut budget, &mut read);
-    dataset.build(Origin { source: &source, format: "test", arrays, options, budget, read })
+    dataset.build(Origin {
+        source: &source,
+        format: "test",
+        arrays,
+        spare: 0..0,
+        request: &Request::scene(options),
+        budget,
+        read,
+    })
 }
 
 fn mesh_of(dataset: Dataset, array: &str) -> (Tets, Vec<String>) {
     let options = ReadOptions { array: Some(array.into()), ..ReadOptions::within(1 << 24) };
     let loaded = build_with(dataset, &options, None).unwrap();
-    let Data::Mesh(mesh) = loaded.data else { panic!() };
+    let Content::Scene(Data::Mesh(mesh)) = loaded.data else { panic!() };
     (mesh, loaded.report.notes)
 }
 
@@ -212,7 +222,7 @@ fn centres_keep_within_the_values_of_their_nodes() {
     let field =
         |p: DVec3| if p.cmpeq(DVec3::splat(0.5)).any() { 9.0 } else { 10.0 + p.x + 2.0 * p.y + 4.0 * p.z };
     let loaded = build_of(dataset, &options, None, field).unwrap();
-    let Data::Mesh(mesh) = loaded.data else { panic!() };
+    let Content::Scene(Data::Mesh(mesh)) = loaded.data else { panic!() };
     assert_eq!((mesh.range(), loaded.report.file_range), ([9.0, 17.0], Some([9.0, 17.0])));
     assert_eq!(
         loaded.report.notes[1],
@@ -232,7 +242,7 @@ fn ghosts_and_flat_cells_are_left_out_and_counted() {
     dataset.add(10, &tet().map(|p| p + DVec3::ONE), true);
     dataset.add(10, &tet().map(|p| p - DVec3::ONE), true);
     let loaded = build_with(dataset, &ReadOptions::within(1 << 20), Some(vec![0, 0, 1, 32])).unwrap();
-    let Data::Mesh(mesh) = loaded.data else { panic!() };
+    let Content::Scene(Data::Mesh(mesh)) = loaded.data else { panic!() };
     assert_eq!(mesh.cells().len(), 1);
     assert_eq!(
         loaded.report.notes,
@@ -279,25 +289,33 @@ fn vertices_are_points_with_what_is_asked_for() {
     some.points[1] = DVec3::X;
     some.points[2] = DVec3::Z;
     let loaded = build_with(some, &options, None).unwrap();
-    let Data::Points(points) = loaded.data else { panic!() };
+    let Content::Scene(Data::Points(points)) = loaded.data else { panic!() };
     assert_eq!(points.size(), &KernelSize::Radii(vec![1.0, 3.0, 1.5]));
     assert_eq!(points.weights().unwrap(), [1.0, 3.0, 1.5]);
     assert!(points.scalars().is_none(), "a size is not what is shown");
     // The place that is no place goes with everything that belongs to it.
     let source = Source::in_memory(&[("a.vtu", b"")]).unwrap();
     let options = ReadOptions::within(1 << 20);
-    let mut read = |_: usize, _: Pick| Ok(Samples::F32(vec![5.0, 6.0, 7.0]));
+    let mut read = |_: usize, _: Pick| Ok(Samples::F32(vec![5.0, 6.0, 7.0]).into());
     let mut budget = Budget::new(&source, &options);
     let arrays = vec![array("Radius", Association::Point, 1)];
     let (options, budget, read) = (&options, &mut budget, &mut read);
-    let origin = Origin { source: &source, format: "test", arrays, options, budget, read };
+    let origin = Origin {
+        source: &source,
+        format: "test",
+        arrays,
+        spare: 0..0,
+        request: &Request::scene(options),
+        budget,
+        read,
+    };
     let loaded = dataset().build(origin).unwrap();
     assert!(
         loaded.report.notes[0].contains("point:Radius (f32) may hold the radii"),
         "{:?}",
         loaded.report.notes
     );
-    let Data::Points(points) = loaded.data else { panic!() };
+    let Content::Scene(Data::Points(points)) = loaded.data else { panic!() };
     assert_eq!((points.centres().len(), points.scalars().unwrap()), (2, [5.0, 7.0].as_slice()));
     assert_eq!(loaded.report.notes[1..], ["1 points with positions that are not finite left out"]);
 }

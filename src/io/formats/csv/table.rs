@@ -128,7 +128,10 @@ impl<'a> Table<'a> {
                     None if cell.is_empty() => {}
                     None => match number(cell) {
                         Some(number) if number.is_nan() => {}
-                        Some(_) if cell.parse::<i64>().is_ok() => told.kind = Some(SampleType::I64),
+                        // A column with a missing number has NaN, which whole numbers lack.
+                        Some(_) if table.rows == 1 && cell.parse::<i64>().is_ok() => {
+                            told.kind = Some(SampleType::I64);
+                        }
                         Some(_) => told.kind = Some(SampleType::F64),
                         None => *words = true,
                     },

@@ -3,9 +3,11 @@
 use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
+use crate::io::build::data_file::Lattice;
 use crate::io::build::resample;
-use crate::io::file::decode::{self, Layout};
-use crate::io::file::sample_type::{Pick, SampleType};
+use crate::io::build::volume::Chosen;
+use crate::io::file::decode::{self, Layout, Values};
+use crate::io::file::sample_type::SampleType;
 use crate::io::file::samples;
 use crate::io::file::source::Source;
 use crate::io::formats::dicom::header::{Account, Header, MAX_FRAMES};
@@ -13,8 +15,8 @@ use crate::io::formats::dicom::placement::{Frame, Line, Slice};
 use crate::io::formats::dicom::recognise::NAME;
 use crate::io::formats::dicom::syntax::Packing;
 use crate::io::formats::dicom::{data_set, frames, placement};
-use crate::io::options::ReadOptions;
-use crate::io::report::Loaded;
+use crate::io::options::{Request, Wanted};
+use crate::io::report::{Found, Loaded};
 use crate::num;
 use crate::scene::{Anatomy, Grid, Rescale, Samples};
 
@@ -29,8 +31,8 @@ pub(crate) fn assemble(
     open: &Open,
     mut notes: Vec<String>,
     mut account: Account,
-    options: &ReadOptions,
-) -> Result<Loaded> {
+    request: &Request,
+) -> Result<Found> {
     let Some(first) = headers.first() else {
         return Err(source.error("PixelData", "there is none"));
     };
@@ -38,6 +40,7 @@ pub(crate) fn assemble(
     let frame = Frame::of(first)?;
     let mut slices = collect(&headers, &frame)?;
     let mut warnings = Vec::new();
+    let single = slices.len() == 1;
     if let [slice] = slices[..] {
         let (faces, warning) = slab(slice, first, &frame);
         slices = faces.to_vec();
@@ -53,15 +56,22 @@ pub(crate) fn assemble(
     let same = slices.iter().all(|slice| slice.rescale == rescale);
     let extent = |size: u64| u32::try_from(size).unwrap_or(u32::MAX);
     let dims = [extent(first.columns), extent(first.rows), num::count(count)];
-    let layout = Layout::scalar(dims, kind, first.syntax.endian);
-    let (total, _) = samples::data_size(source, "Rows, Columns, slices", &layout, options)?;
-    let stored = if same { kind.stored_bytes() } else { 4 };
+    let mut layout = Layout::scalar(dims, kind, first.syntax.endian);
+    // Values that are computed, or samples that are repeated, are those of a scene.
+    let mut kept = None;
+    if request.wanted != Wanted::Scene && same && line.heights.is_none() && !single {
+        let chosen = Chosen::new(source, "PixelData", layout, 1, request)?;
+        layout = chosen.layout;
+        kept = Some(chosen);
+    }
+    let (total, _) = samples::data_size(source, "Rows, Columns, slices", &layout, request)?;
+    let stored = if same { layout.pick.bytes(kind, 1) } else { 4 };
     account.budget.take("series", num::wide(total).saturating_mul(stored))?;
     let scratch = headers.iter().map(frames::scratch).max().unwrap_or(0);
     // One slice is converted at a time if slices differ in rescale.
     let one = if same { 0 } else { first.rows.saturating_mul(first.columns).saturating_mul(4) };
     account.budget.take("one slice", scratch.saturating_add(one))?;
-    let mut values = Samples::none(if same { kind } else { SampleType::F32 }, Pick::Component(0));
+    let mut values = Values::none(if same { kind } else { SampleType::F32 }, 1, layout.pick);
     values.reserve(total).map_err(|_| source.error("series", format!("{total} samples: memory is full")))?;
     append(&mut values, first, &slices, layout, same, open, &mut account)?;
 
@@ -85,23 +95,35 @@ pub(crate) fn assemble(
             let list = |extent: u32| (0..extent).map(f64::from).collect::<Vec<_>>();
             let places = [list(dims[0]), list(dims[1]), heights];
             warnings.push(format!("distances of slices are uneven: {} mm", line.gaps));
-            let even = resample::evenly(source, "slices", dims, values, places, &mut account.budget)?;
+            let samples = values.into_samples();
+            let even = resample::evenly(source, "slices", dims, samples, places, &mut account.budget)?;
             notes.extend(even.note);
             file_range = even.range;
-            (even.dims, even.samples, even.steps.z)
+            (even.dims, even.samples.into(), even.steps.z)
         }
     };
     let located = |error: Error| error.in_file(source.path());
     let spacing = DVec3::new(frame.spacing[1], frame.spacing[0], length);
     let direction = DMat3::from_cols(frame.row, frame.column, line.step.normalize());
-    let mut grid = Grid::new(dims, values)
-        .and_then(|grid| grid.with_placement(spacing, slices[0].position, direction))
-        .map_err(located)?;
+    let grid = match &mut kept {
+        Some(chosen) => chosen.grid(values),
+        None => Grid::new(dims, values.into_samples()),
+    };
+    let mut grid =
+        grid.and_then(|grid| grid.with_placement(spacing, slices[0].position, direction)).map_err(located)?;
     if same {
         grid = grid.with_rescale(rescale).map_err(located)?;
         file_range = file_range.map(|stored| rescale.of_range(stored));
     }
-    let mut loaded = Loaded::new(NAME, grid.with_anatomy(Anatomy::Lps));
+    let grid = grid.with_anatomy(Anatomy::Lps);
+    let mut loaded = match kept {
+        Some(chosen) => {
+            let lattice =
+                Lattice::new(dims, spacing, slices[0].position, direction, &grid).map_err(located)?;
+            chosen.found(NAME, grid, lattice)
+        }
+        None => Loaded::new(NAME, grid).into(),
+    };
     loaded.report.file_range = file_range;
     loaded.report.notes = notes;
     loaded.report.warnings = warnings;
@@ -147,7 +169,7 @@ fn describe(first: &Header, same: bool, notes: &mut Vec<String>) {
 /// Appends the samples of slice after slice; a file with several frames is opened once. If slices differ in rescale, it
 /// is applied here.
 fn append(
-    values: &mut Samples,
+    values: &mut Values,
     first: &Header,
     slices: &[Slice],
     layout: Layout,
@@ -173,14 +195,15 @@ fn append(
         let Some((_, source, data, header)) = &opened else { continue };
         let (bytes, endian) = frames::bytes(data, header, slice.frame)?;
         let layout = Layout { endian, ..layout };
-        let append = |values: &mut Samples| {
+        let append = |values: &mut Values| {
             decode::append(&mut bytes.as_slice(), pixels, &layout, values)
                 .map_err(|error| source.io_error(error))
         };
         match &mut *values {
-            Samples::F32(list) if !same => {
-                let mut own = Samples::none(layout.kind, Pick::Component(0));
+            Values::Samples(Samples::F32(list)) if !same => {
+                let mut own = Values::none(layout.kind, 1, layout.pick);
                 append(&mut own)?;
+                let own = own.into_samples();
                 let Rescale { slope, intercept } = slice.rescale;
                 list.extend((0..own.len()).map(|i| num::f32_of(slope * own.get(i) + intercept)));
             }

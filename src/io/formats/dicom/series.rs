@@ -11,8 +11,8 @@ use crate::io::formats::dicom::assemble::assemble;
 use crate::io::formats::dicom::data_set;
 use crate::io::formats::dicom::header::{Account, Header};
 use crate::io::formats::dicom::recognise::is_dicom;
-use crate::io::options::ReadOptions;
-use crate::io::report::Loaded;
+use crate::io::options::Request;
+use crate::io::report::Found;
 
 /// The limit on files of a series.
 const MAX_FILES: usize = 1 << 16;
@@ -31,16 +31,16 @@ fn cut(header: &Header) -> Error {
 }
 
 /// Reads the series that a file belongs to.
-pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
+pub(crate) fn read(source: &Source, request: &Request) -> Result<Found> {
     /// The limit on damaged files named in warnings.
     const NAMED: usize = 8;
-    let mut account = Account::new(Budget::new(source, options));
+    let mut account = Account::new(Budget::new(source, request));
     let own = header_of(source, &mut account)?;
     if own.pixels.is_none() {
         return Err(cut(&own));
     }
     if own.frames > 1 {
-        return assemble(source, vec![own], &|_| Ok(source.clone()), Vec::new(), account, options);
+        return assemble(source, vec![own], &|_| Ok(source.clone()), Vec::new(), account, request);
     }
     let mut names = Vec::new();
     let mut headers = Vec::new();
@@ -53,7 +53,7 @@ pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
         }
     };
     for name in source.neighbours()? {
-        let neighbour = source.sibling(&name, options)?;
+        let neighbour = source.sibling(&name, request)?;
         if !is_dicom(&neighbour) {
             continue;
         }
@@ -88,8 +88,8 @@ pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
             "{others} DICOM files of the folder are of other series, or no single slices, and left out"
         ));
     }
-    let open = |i: usize| source.sibling(&names[i], options);
-    let mut loaded = assemble(source, headers, &open, notes, account, options)?;
+    let open = |i: usize| source.sibling(&names[i], request);
+    let mut loaded = assemble(source, headers, &open, notes, account, request)?;
     if damaged > 0 {
         loaded.report.warnings.extend(named);
         let files = if damaged == 1 { "file" } else { "files" };
@@ -102,16 +102,16 @@ pub(crate) fn read(source: &Source, options: &ReadOptions) -> Result<Loaded> {
 }
 
 /// Reads files that must belong to one series.
-pub(crate) fn read_files(folder: &Path, files: &[PathBuf], options: &ReadOptions) -> Result<Loaded> {
+pub(crate) fn read_files(folder: &Path, files: &[PathBuf], request: &Request) -> Result<Found> {
     let Some(path) = files.first() else {
         return Err(Error::file(folder, "files", "there is none"));
     };
-    let source = &Source::open(path, options)?;
-    let mut account = Account::new(Budget::new(source, options));
+    let source = &Source::open(path, request)?;
+    let mut account = Account::new(Budget::new(source, request));
     let mut headers: Vec<Header> = Vec::new();
     let mut without = 0;
     for path in files {
-        let header = header_of(&Source::open(path, options)?, &mut account)?;
+        let header = header_of(&Source::open(path, request)?, &mut account)?;
         if header.pixels.is_none() {
             if header.rows > 0 && header.columns > 0 {
                 return Err(cut(&header));
@@ -151,7 +151,7 @@ pub(crate) fn read_files(folder: &Path, files: &[PathBuf], options: &ReadOptions
     if without > 0 {
         notes.push(format!("{without} DICOM files without samples are left out"));
     }
-    let source = Source::open(&first.path, options)?;
+    let source = Source::open(&first.path, request)?;
     let paths: Vec<PathBuf> = headers.iter().map(|header| header.path.clone()).collect();
-    assemble(&source, headers, &|i| Source::open(&paths[i], options), notes, account, options)
+    assemble(&source, headers, &|i| Source::open(&paths[i], request), notes, account, request)
 }

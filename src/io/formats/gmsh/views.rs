@@ -5,14 +5,15 @@ use std::collections::{HashMap, HashSet};
 use crate::error::Result;
 use crate::io::build::arrays::{ArrayInfo, Association};
 use crate::io::file::budget::Budget;
-use crate::io::file::decode::MAX_COMPONENTS;
-use crate::io::file::sample_type::Pick;
+use crate::io::file::decode::{MAX_COMPONENTS, Tuples, Values, magnitude};
+use crate::io::file::sample_type::{Pick, SampleType};
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{plain, shown};
 use crate::io::formats::gmsh::stream::{Format, Stream, count_line};
 use crate::io::formats::gmsh::tags::Tags;
 use crate::num;
+use crate::scene::Samples;
 
 /// The limit on sections of views.
 const MAX_VIEWS: usize = 1 << 16;
@@ -35,7 +36,7 @@ pub(crate) struct Part {
 
 /// The values of an array; missing ones are NaN.
 pub(crate) struct Filled {
-    pub(crate) values: Vec<f32>,
+    pub(crate) values: Values,
     /// Whether each value is given.
     pub(crate) given: Vec<bool>,
     /// The number of values for unknown tags.
@@ -58,8 +59,15 @@ impl View {
         count: usize,
         pick: Pick,
     ) -> Result<Filled> {
-        let mut filled =
-            Filled { values: vec![f32::NAN; count], given: vec![false; count], strange: 0, again: 0 };
+        let ArrayInfo { kind, components, .. } = self.info;
+        let missing = match pick {
+            Pick::Whole => part_of(&vec![f64::NAN; components], kind, pick),
+            _ => part_of(&[f64::NAN], kind, Pick::Component(0)),
+        };
+        let mut values = missing.clone();
+        values.resize(count);
+        (0..count).for_each(|index| values.copy(index, &missing, 0, 1));
+        let mut filled = Filled { values, given: vec![false; count], strange: 0, again: 0 };
         let mut tuple = Vec::new();
         // Parts are in file order, so that a compressed file is decompressed once.
         let mut stream = Stream { scanner: Scanner::new(source), format, row: None };
@@ -77,11 +85,7 @@ impl View {
                     filled.strange += 1;
                     continue;
                 };
-                let value = match pick {
-                    Pick::Component(component) => tuple.get(component).copied().unwrap_or(f64::NAN),
-                    Pick::Magnitude => tuple.iter().map(|x| x * x).sum::<f64>().sqrt(),
-                };
-                filled.values[index] = num::f32_of(value);
+                filled.values.copy(index, &part_of(&tuple, kind, pick), 0, 1);
                 filled.again += usize::from(std::mem::replace(&mut filled.given[index], true));
             }
             let next = stream.scanner.full_line()?.unwrap_or_default();
@@ -92,6 +96,20 @@ impl View {
         }
         Ok(filled)
     }
+}
+
+/// Returns the picked part of one tuple.
+fn part_of(tuple: &[f64], kind: SampleType, pick: Pick) -> Values {
+    let value = match pick {
+        Pick::Component(component) => tuple.get(component).copied().unwrap_or(f64::NAN),
+        Pick::Magnitude => magnitude(tuple),
+        Pick::Whole => {
+            let mut whole = Tuples::none(kind, tuple.len());
+            whole.push(kind, tuple);
+            return Values::Whole(whole);
+        }
+    };
+    Samples::F32(vec![num::f32_of(value)]).into()
 }
 
 /// The views met so far, by association (true for cells) and name.

@@ -5,22 +5,23 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::io::build::arrays::{ArrayInfo, Association};
+use crate::io::build::data_file::Lattice;
 use crate::io::build::origin::Origin;
 use crate::io::build::points;
 use crate::io::build::volume::Chosen;
 use crate::io::file::budget::Budget;
-use crate::io::file::decode::{self, Layout, NumberBytes};
+use crate::io::file::decode::{self, Layout, NumberBytes, Tuples, Values};
 use crate::io::file::half::from_half;
 use crate::io::file::sample_type::{Endian, Pick, SampleType};
 use crate::io::file::source::{Encoding, Source};
 use crate::io::file::{samples, text};
 use crate::io::formats::npy::header::{Literal, MAGIC, MAX_HEADER, number_type};
-use crate::io::options::ReadOptions;
-use crate::io::report::Loaded;
+use crate::io::options::{ReadOptions, Request};
+use crate::io::report::Found;
 use crate::num;
-use crate::scene::{Grid, Samples};
+use crate::scene::Samples;
 
 /// The array of a file, whose size has been checked.
 pub(crate) struct Array<'a> {
@@ -107,7 +108,7 @@ impl<'a> Array<'a> {
         if self.half { Endian::Little } else { self.endian }
     }
 
-    pub(crate) fn grid(&self, extents: [u64; 3], components: u64, options: &ReadOptions) -> Result<Loaded> {
+    pub(crate) fn grid(&self, extents: [u64; 3], components: u64, request: &Request) -> Result<Found> {
         let source = self.source;
         let mut dims = [0; 3];
         for (dim, extent) in dims.iter_mut().zip(extents) {
@@ -116,18 +117,20 @@ impl<'a> Array<'a> {
         }
         let layout = Layout::scalar(dims, self.kind, self.order());
         let components = usize::try_from(components).unwrap_or(usize::MAX);
-        let chosen = Chosen::new(source, "shape", layout, components, options)?;
-        let (count, _) = samples::data_size(source, "shape", &chosen.layout, options)?;
+        let mut chosen = Chosen::new(source, "shape", layout, components, request)?;
+        let (count, _) = samples::data_size(source, "shape", &chosen.layout, request)?;
         let samples = if self.fortran {
-            self.turned(&chosen.layout, options)?
+            self.turned(&chosen.layout, request)?
         } else {
-            let mut samples = Samples::none(self.kind, chosen.layout.pick);
+            let mut samples = Values::none(self.kind, components, chosen.layout.pick);
             decode::append(&mut self.numbers(0), count, &chosen.layout, &mut samples)
                 .map_err(|error| text::stream_error(source, error))?;
             samples
         };
-        let grid = Grid::new(dims, samples).map_err(|error| error.in_file(source.path()))?;
-        let mut loaded = chosen.loaded("NPY", grid);
+        let located = |error: Error| error.in_file(source.path());
+        let grid = chosen.grid(samples).map_err(located)?;
+        let lattice = Lattice::of(&grid, dims);
+        let mut loaded = chosen.found("NPY", grid, lattice);
         // Pictures with colour channels have the same shape.
         if components == 1 && dims[0] <= 4 && dims[1] >= 16 && dims[2] >= 16 {
             loaded.report.warnings.push(format!(
@@ -140,9 +143,13 @@ impl<'a> Array<'a> {
     }
 
     /// Reads samples in Fortran order.
-    fn turned(&self, layout: &Layout, options: &ReadOptions) -> Result<Samples> {
+    fn turned(&self, layout: &Layout, options: &ReadOptions) -> Result<Values> {
         let Layout { dims, pick, components, .. } = *layout;
-        Ok(match (pick, Samples::none(self.kind, pick)) {
+        let start = match Values::none(self.kind, components, pick) {
+            Values::Samples(start) => start,
+            Values::Whole(_) => return self.turned_whole(dims, components),
+        };
+        let samples = match (pick, start) {
             (Pick::Magnitude, _) => {
                 // Components are stored one after another: their squares are accumulated, 8 bytes and the result's 4.
                 let count = dims.into_iter().map(u64::from).product::<u64>();
@@ -163,7 +170,38 @@ impl<'a> Array<'a> {
             (Pick::Component(i), Samples::F32(_)) => {
                 Samples::F32(self.scattered(dims, i..i + 1, |_, value| num::f32_of(value))?)
             }
-        })
+            (Pick::Whole, samples) => samples,
+        };
+        Ok(samples.into())
+    }
+
+    /// Reads whole tuples in Fortran order.
+    fn turned_whole(&self, dims: [u32; 3], components: usize) -> Result<Values> {
+        let [nx, ny, nz] = dims.map(num::index);
+        let count = nx * ny * nz;
+        let layout = Layout::scalar(dims, self.kind, self.order());
+        let mut all = Values::none(self.kind, components, Pick::Whole);
+        let full = |_| self.source.error("shape", format!("{count} samples: memory is full"));
+        all.reserve(count).map_err(full)?;
+        all.resize(count);
+        let Values::Whole(tuples) = &mut all else { return Ok(all) };
+        let size = tuples.size / components;
+        let mut numbers = self.numbers(0);
+        for component in 0..components {
+            for begin in (0..count).step_by(BLOCK) {
+                let layout = Layout { pick: Pick::Whole, ..layout };
+                let mut block = Values::none(self.kind, 1, Pick::Whole);
+                decode::append(&mut numbers, BLOCK.min(count - begin), &layout, &mut block)
+                    .map_err(|error| text::stream_error(self.source, error))?;
+                let Values::Whole(block) = block else { break };
+                for (i, number) in (begin..).zip(block.bytes.chunks_exact(size)) {
+                    let [x, y, z] = [i / (nz * ny), i / nz % ny, i % nz];
+                    let at = (x + nx * (y + ny * z)) * tuples.size + component * size;
+                    tuples.bytes[at..at + size].copy_from_slice(number);
+                }
+            }
+        }
+        Ok(all)
     }
 
     /// Reads components with z fastest and x slowest, a block at a time, and stores samples with x fastest. `add` makes
@@ -202,9 +240,9 @@ impl<'a> Array<'a> {
         Ok(values)
     }
 
-    pub(crate) fn points(&self, n: u64, k: u64, options: &ReadOptions) -> Result<Loaded> {
+    pub(crate) fn points(&self, n: u64, k: u64, request: &Request) -> Result<Found> {
         let source = self.source;
-        let mut budget = Budget::new(source, options);
+        let mut budget = Budget::new(source, request);
         budget.take("shape", n.saturating_mul(24))?;
         let count = text::index(source, "shape", n)?;
         let columns = usize::try_from(k).unwrap_or(usize::MAX);
@@ -237,9 +275,12 @@ impl<'a> Array<'a> {
             active: column == 3,
         };
         let arrays = (3..k).map(array).collect();
-        let mut read = |index: usize, _: Pick| {
+        let mut read = |index: usize, pick: Pick| {
             let column = index + 3;
-            let mut samples = Samples::none(self.kind, Pick::Component(0));
+            if pick == Pick::Whole {
+                return self.column(column, count, columns);
+            }
+            let mut samples = Values::none(self.kind, 1, Pick::Component(0));
             let (skip, components, pick) = if self.fortran {
                 (n.saturating_mul(num::wide(column)), 1, Pick::Component(0))
             } else {
@@ -251,7 +292,32 @@ impl<'a> Array<'a> {
             Ok(samples)
         };
         let (budget, read) = (&mut budget, &mut read);
-        points::points(centres, Origin { source, format: "NPY", arrays, options, budget, read })
+        points::points(centres, Origin { source, format: "NPY", arrays, spare: 0..0, request, budget, read })
+    }
+}
+
+impl Array<'_> {
+    /// Reads a column of points as it is in the file.
+    fn column(&self, column: usize, count: usize, columns: usize) -> Result<Values> {
+        let skip = if self.fortran { num::wide(count).saturating_mul(num::wide(column)) } else { 0 };
+        let mut numbers = self.numbers(skip);
+        let mut all = Tuples::none(self.kind, 1);
+        let size = all.size;
+        let width = if self.fortran { 1 } else { columns };
+        for begin in (0..count).step_by(BLOCK) {
+            let layout = Layout {
+                pick: Pick::Whole,
+                components: width,
+                ..Layout::scalar([0; 3], self.kind, self.order())
+            };
+            let mut block = Values::none(self.kind, width, Pick::Whole);
+            decode::append(&mut numbers, BLOCK.min(count - begin), &layout, &mut block)
+                .map_err(|error| text::stream_error(self.source, error))?;
+            let Values::Whole(block) = block else { break };
+            let at = if self.fortran { 0 } else { column * size };
+            all.bytes.extend(block.bytes.chunks_exact(block.size).flat_map(|row| &row[at..at + size]));
+        }
+        Ok(Values::Whole(all))
     }
 }
 

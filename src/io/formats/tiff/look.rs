@@ -8,7 +8,7 @@ use crate::io::file::source::Source;
 use crate::io::formats::tiff::calibration::Volume;
 use crate::io::formats::tiff::page::Page;
 use crate::io::formats::tiff::stack::MAX_PAGES;
-use crate::io::options::ReadOptions;
+use crate::io::options::{Request, Wanted};
 use crate::num;
 
 /// The selected part of the pages.
@@ -23,15 +23,18 @@ pub(crate) struct Look {
     pub(crate) first: usize,
     pub(crate) count: usize,
     pub(crate) pick: Pick,
+    /// The index and the part of an array that is kept as it is.
+    pub(crate) kept: Option<(usize, Pick)>,
 }
 
 impl Look {
+    /// Chooses the array of a scene, or those that are kept as they are.
     pub(crate) fn choose(
         source: &Source,
         shape: &Page,
         volumes: &[Volume],
-        options: &ReadOptions,
-    ) -> Result<Self> {
+        request: &Request,
+    ) -> Result<Vec<Self>> {
         if volumes.len() > MAX_PAGES {
             let rule = format!("{} volumes of channels and frames: at most {MAX_PAGES}", volumes.len());
             return Err(source.error("ImageDescription", rule));
@@ -50,14 +53,26 @@ impl Look {
                 arrays.push(ArrayInfo { name, association, kind, components, active: arrays.is_empty() });
             }
         }
-        let Some(Choice { index, pick }) = arrays::choose(source, &arrays, options.array.as_deref())? else {
-            return Err(source.error("pages", "none"));
+        let is_scene = request.wanted == Wanted::Scene;
+        let chosen = if is_scene {
+            arrays::choose(source, &arrays, request.array.as_deref())?.into_iter().collect()
+        } else {
+            arrays::select(source, &arrays, &(0..0), request)?
         };
-        let (_, first, count) = parts[index % parts.len()];
-        let shown = arrays::describe(&arrays[index], pick);
-        let others = (volumes.len() > 1 && options.array.is_none())
-            .then(|| format!("{} volumes, {shown} is shown: name another array to see it", volumes.len()));
-        Ok(Self { arrays, shown, others, volume: index / parts.len(), first, count, pick })
+        if chosen.is_empty() {
+            return Err(source.error("pages", "none"));
+        }
+        let look = |Choice { index, pick }: Choice| {
+            let (_, first, count) = parts[index % parts.len()];
+            let shown = arrays::describe(&arrays[index], pick);
+            let others = (is_scene && volumes.len() > 1 && request.array.is_none()).then(|| {
+                format!("{} volumes, {shown} is shown: name another array to see it", volumes.len())
+            });
+            let (kept, pick) = if is_scene { (None, pick) } else { (Some((index, pick)), Pick::Whole) };
+            let (arrays, volume) = (arrays.clone(), index / parts.len());
+            Self { arrays, shown, others, volume, first, count, pick, kept }
+        };
+        Ok(chosen.into_iter().map(look).collect())
     }
 }
 

@@ -6,7 +6,7 @@ use tiff::decoder::{Decoder, Limits};
 use tiff::tags::CompressionMethod;
 
 use crate::error::Result;
-use crate::io::file::decode::{self, Layout};
+use crate::io::file::decode::{self, Layout, Values};
 use crate::io::file::half::from_half;
 use crate::io::file::sample_type::Endian;
 use crate::io::file::source::{Encoding, Source};
@@ -15,7 +15,6 @@ use crate::io::formats::tiff::file::{File, index, place_of};
 use crate::io::formats::tiff::look::Look;
 use crate::io::formats::tiff::page::{Page, most_packed, name};
 use crate::num::{self, wide};
-use crate::scene::Samples;
 
 /// The limit on the JPEG tables shared by the strips of a page, in bytes.
 const MAX_TABLES: u64 = 4096;
@@ -35,7 +34,7 @@ impl Page {
         file: &File,
         chunks: &[(u64, u64)],
         look: &Look,
-        values: &mut Samples,
+        values: &mut Values,
     ) -> Result<()> {
         let source = file.source;
         let pixels = index(u64::from(self.width).saturating_mul(u64::from(self.height)));

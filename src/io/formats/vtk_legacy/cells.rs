@@ -8,11 +8,11 @@ use crate::io::file::text;
 use crate::io::formats::vtk_legacy::File;
 use crate::io::formats::vtk_legacy::contents::Cells;
 use crate::io::formats::vtk_legacy::stored::{Stored, room};
-use crate::io::report::Loaded;
+use crate::io::report::Found;
 use crate::num;
 
 impl File<'_> {
-    pub(crate) fn unstructured_grid(&mut self) -> Result<Loaded> {
+    pub(crate) fn unstructured_grid(&mut self) -> Result<Found> {
         let source = self.source;
         let points = self.contents.points.ok_or_else(|| self.missing("POINTS"))?;
         let (cells, types) = (self.contents.cells, self.contents.types);
@@ -50,7 +50,7 @@ impl File<'_> {
         self.dataset(dataset)
     }
 
-    pub(crate) fn poly_data(&mut self) -> Result<Loaded> {
+    pub(crate) fn poly_data(&mut self) -> Result<Found> {
         let source = self.source;
         let points = self.contents.points.ok_or_else(|| self.missing("POINTS"))?;
         let counts = self.contents.surface.map(|count| count.unwrap_or(0));

@@ -11,7 +11,7 @@ use crate::io::file::source::Source;
 use crate::io::file::text;
 use crate::io::formats::vtk_legacy::File;
 use crate::io::formats::vtk_legacy::stored::{Stored, room};
-use crate::io::report::Loaded;
+use crate::io::report::Found;
 use crate::num;
 use crate::scene::Samples;
 
@@ -56,7 +56,7 @@ impl File<'_> {
         Ok(Places::Listed(lists))
     }
 
-    pub(crate) fn structured_grid(&mut self) -> Result<Loaded> {
+    pub(crate) fn structured_grid(&mut self) -> Result<Found> {
         let source = self.source;
         let (dims, count, cells) = self.dims()?;
         let [x, y, z] = dims;
@@ -130,7 +130,7 @@ impl File<'_> {
         let ghosts = arrays.find(|(array, _)| array.is_ghosts(Association::Point));
         let Some((_, ghosts)) = ghosts else { return Ok(Vec::new()) };
         self.budget.take("vtkGhostType", count.saturating_mul(2))?;
-        let Samples::U8(flags) = ghosts.samples(self.source, Pick::Component(0))? else {
+        let Samples::U8(flags) = ghosts.values(self.source, Pick::Component(0))?.into_samples() else {
             return Ok(Vec::new());
         };
         Ok(flags.into_iter().map(|flag| flag & HIDDEN_POINT != 0).collect())

@@ -5,7 +5,7 @@ use std::io::{ErrorKind, Read};
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::io::file::decode::{self, Layout};
+use crate::io::file::decode::{self, Layout, Tuples, Values};
 use crate::io::file::sample_type::{Endian, Pick, SampleType};
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
@@ -100,22 +100,24 @@ impl Stored {
     }
 
     /// Reads the selected part of each tuple.
-    pub(crate) fn samples(&self, source: &Source, pick: Pick) -> Result<Samples> {
+    pub(crate) fn values(&self, source: &Source, pick: Pick) -> Result<Values> {
         let count = text::index(source, &self.place(), self.tuples)?;
         let Self { kind, components, .. } = *self;
-        let mut samples = Samples::none(kind, pick);
+        let mut values = Values::none(kind, components, pick);
         self.stream(source, &mut |stream, endian| {
             let layout = Layout { dims: [0; 3], kind, endian, components, pick };
-            decode::append(stream, count, &layout, &mut samples)
+            decode::append(stream, count, &layout, &mut values)
         })?;
-        if let Samples::U8(flags) = &mut samples {
+        // Arrays of flags are bytes.
+        if let Values::Samples(Samples::U8(flags)) | Values::Whole(Tuples { bytes: flags, .. }) = &mut values
+        {
             match self.flags {
                 Flags::AsTheyAre => {}
                 Flags::Levels => flags.iter_mut().for_each(|flag| *flag = u8::from(*flag > 0)),
                 Flags::Visible => flags.iter_mut().for_each(|flag| *flag = 2 * u8::from(*flag == 0)),
             }
         }
-        Ok(samples)
+        Ok(values)
     }
 
     /// Reads points, some at a time, until the function returns false.

@@ -5,19 +5,18 @@ use glam::DVec3;
 use crate::error::Result;
 use crate::io::build::dataset::{self, Dataset};
 use crate::io::build::origin::Origin;
-use crate::io::file::decode;
+use crate::io::file::decode::{self, Values};
 use crate::io::file::text::index;
 use crate::io::formats::vtk_xml::document::{Piece, Section};
 use crate::io::formats::vtk_xml::store::Store;
 use crate::io::formats::vtk_xml::{File, VtkXml};
-use crate::io::options::ReadOptions;
+use crate::io::options::Request;
 use crate::io::reader::Reader as _;
-use crate::io::report::Loaded;
-use crate::scene::Samples;
+use crate::io::report::Found;
 
 impl File<'_> {
     /// Reads an unstructured grid as a mesh, or as points if it has no cells with volume.
-    pub(crate) fn cells(&mut self, options: &ReadOptions) -> Result<Loaded> {
+    pub(crate) fn cells(&mut self, request: &Request) -> Result<Found> {
         let source = self.source;
         let pieces = &self.document.pieces;
         let sum = |count: fn(&Piece) -> u64| pieces.iter().map(count).fold(0, u64::saturating_add);
@@ -40,12 +39,13 @@ impl File<'_> {
         let arrays = self.arrays.clone();
         let store = &mut self.store;
         let mut read = |index: usize, pick| {
-            let mut samples = Samples::none(arrays[index].kind, pick);
-            pieces.iter().try_for_each(|piece| store.samples(piece, &arrays[index], pick, &mut samples))?;
-            Ok(samples)
+            let info = &arrays[index];
+            let mut values = Values::none(info.kind, info.components, pick);
+            pieces.iter().try_for_each(|piece| store.values(piece, info, pick, &mut values))?;
+            Ok(values)
         };
         let (arrays, budget, read) = (arrays.clone(), &mut self.budget, &mut read);
-        data.build(Origin { source, format: VtkXml.name(), arrays, options, budget, read })
+        data.build(Origin { source, format: VtkXml.name(), arrays, spare: 0..0, request, budget, read })
     }
 }
 

@@ -5,21 +5,20 @@ use crate::io::build::arrays::{ArrayInfo, Association};
 use crate::io::build::lattice::{self, Places};
 use crate::io::build::origin::Origin;
 use crate::io::file::budget::Budget;
-use crate::io::file::decode;
+use crate::io::file::decode::{self, Values};
 use crate::io::file::sample_type::Pick;
 use crate::io::file::text::index;
 use crate::io::formats::vtk_xml::document::{Document, Extent, Kind, Piece, Section, shape, volume, words};
 use crate::io::formats::vtk_xml::store::Store;
 use crate::io::formats::vtk_xml::{File, VtkXml};
-use crate::io::options::ReadOptions;
+use crate::io::options::Request;
 use crate::io::reader::Reader as _;
-use crate::io::report::Loaded;
+use crate::io::report::Found;
 use crate::num;
-use crate::scene::Samples;
 
 impl File<'_> {
     /// Reads image data or a rectilinear grid.
-    pub(crate) fn lattice(&mut self, options: &ReadOptions) -> Result<Loaded> {
+    pub(crate) fn lattice(&mut self, request: &Request) -> Result<Found> {
         let source = self.source;
         let Document { whole, origin, spacing, direction, kind, .. } = self.document;
         let pieces: Vec<&Piece> = self.document.pieces.iter().filter(|piece| piece.points > 0).collect();
@@ -71,7 +70,7 @@ impl File<'_> {
         let mut read =
             |index: usize, pick| samples_of(store, &mut scratch, &pieces, extent, &arrays[index], pick);
         let (arrays, budget, read) = (arrays.clone(), &mut self.budget, &mut read);
-        let origin = Origin { source, format: VtkXml.name(), arrays, options, budget, read };
+        let origin = Origin { source, format: VtkXml.name(), arrays, spare: 0..0, request, budget, read };
         lattice::build(origin, dims, places)
     }
 }
@@ -132,11 +131,11 @@ fn samples_of(
     extent: Extent,
     info: &ArrayInfo,
     pick: Pick,
-) -> Result<Samples> {
+) -> Result<Values> {
     let (source, association) = (store.source, info.association);
-    let mut samples = Samples::none(info.kind, pick);
+    let mut samples = Values::none(info.kind, info.components, pick);
     if let [piece] = pieces {
-        store.samples(piece, info, pick, &mut samples)?;
+        store.values(piece, info, pick, &mut samples)?;
         return Ok(samples);
     }
     // All pieces are checked before the whole is allocated.
@@ -155,11 +154,11 @@ fn samples_of(
     let shape = |extent: Extent| shape(extent, association).map(|n| usize::try_from(n).unwrap_or(0));
     let dims = shape(extent);
     for piece in pieces {
-        let bytes = piece.tuples(association).saturating_mul(info.kind.stored_bytes().max(4));
+        let bytes = piece.tuples(association).saturating_mul(pick.bytes(info.kind, info.components).max(4));
         budget.take(&place, bytes)?;
-        let mut share = Samples::none(info.kind, pick);
-        store.samples(piece, info, pick, &mut share)?;
-        let own = if share.is_empty() { [0; 3] } else { shape(piece.extent) };
+        let mut share = Values::none(info.kind, info.components, pick);
+        store.values(piece, info, pick, &mut share)?;
+        let own = if share.len() == 0 { [0; 3] } else { shape(piece.extent) };
         let at = [0, 1, 2].map(|i| usize::try_from(piece.extent[i][0] - extent[i][0]).unwrap_or(0));
         for row in 0..own[1] * own[2] {
             let (y, z) = (row % own[1], row / own[1]);
@@ -177,28 +176,4 @@ fn samples_of(
     }
     budget.put_back(num::wide(count));
     Ok(samples)
-}
-
-impl Samples {
-    /// Extends the list with zeros.
-    fn resize(&mut self, count: usize) {
-        match self {
-            Self::U8(v) => v.resize(count, 0),
-            Self::U16(v) => v.resize(count, 0),
-            Self::I16(v) => v.resize(count, 0),
-            Self::F32(v) => v.resize(count, 0.0),
-        }
-    }
-
-    /// Copies a range from samples of the same type.
-    fn copy(&mut self, to: usize, other: &Self, from: usize, count: usize) {
-        match (self, other) {
-            (Self::U8(a), Self::U8(b)) => a[to..to + count].copy_from_slice(&b[from..from + count]),
-            (Self::U16(a), Self::U16(b)) => a[to..to + count].copy_from_slice(&b[from..from + count]),
-            (Self::I16(a), Self::I16(b)) => a[to..to + count].copy_from_slice(&b[from..from + count]),
-            (Self::F32(a), Self::F32(b)) => a[to..to + count].copy_from_slice(&b[from..from + count]),
-            // Both lists have the type of the array.
-            _ => {}
-        }
-    }
 }

@@ -9,16 +9,15 @@ use std::io::{Cursor, ErrorKind, Read};
 use crate::error::{Error, Result};
 use crate::io::build::arrays::ArrayInfo;
 use crate::io::file::budget::Budget;
-use crate::io::file::decode::{self, Layout};
+use crate::io::file::decode::{self, Layout, Values};
 use crate::io::file::sample_type::{Endian, Pick, SampleType};
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{self, stream_error};
 use crate::io::formats::vtk_xml::blocks::Blocks;
 use crate::io::formats::vtk_xml::bytes::Bytes;
-use crate::io::formats::vtk_xml::document::{Array, Piece, Place, Storage, Text};
+use crate::io::formats::vtk_xml::document::{Array, Document, Piece, Place, Storage, Text};
 use crate::num;
-use crate::scene::Samples;
 
 /// The limit on the bytes read, as a multiple of the file size.
 const MOST_OFTEN: u64 = 16;
@@ -116,12 +115,12 @@ impl<'a> Store<'a> {
     }
 
     /// Reads the selected part of each tuple of the array of a piece that has this description, if there is one.
-    pub(crate) fn samples(
+    pub(crate) fn values(
         &mut self,
         piece: &Piece,
         info: &ArrayInfo,
         pick: Pick,
-        samples: &mut Samples,
+        values: &mut Values,
     ) -> Result<()> {
         let Some(array) = piece.array(info.association, &info.name) else { return Ok(()) };
         let components = array.components;
@@ -129,8 +128,51 @@ impl<'a> Store<'a> {
         let numbers = self.numbers(array, num::wide(tuples))?;
         self.take(array, numbers, &mut |reader, kind, endian| {
             let layout = Layout { dims: [0; 3], kind, endian, components, pick };
-            decode::append(reader, tuples, &layout, samples)
+            decode::append(reader, tuples, &layout, values)
         })
+    }
+
+    /// Skips the bytes of an array that is neither compressed nor text, if they are there.
+    fn skip_plain(&mut self, base64: bool) -> Result<()> {
+        if self.storage.compressor.is_some() || base64 {
+            return Ok(());
+        }
+        let header = self.scanner.peek(usize::try_from(self.storage.word).unwrap_or(8))?;
+        let bytes = self.storage.endian.whole(header);
+        if bytes <= self.scanner.available() && !self.source.is_gzip() {
+            self.scanner.skip(bytes)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Refuses anything but blanks after the end of a document with appended data, which the parser does not reach. The
+    /// search for the end begins at the last array, whose bytes may mean anything.
+    pub(crate) fn check_end(&mut self, document: &Document) -> Result<()> {
+        let Some(appended) = self.storage.appended else { return Ok(()) };
+        let offset = |array: &Array| match array.place {
+            Place::Appended(offset) => Some(offset),
+            Place::Words(_) | Place::Base64(_) => None,
+        };
+        let arrays = document.pieces.iter().flat_map(|piece| &piece.arrays);
+        let last = arrays.filter_map(|(_, array)| offset(array)).max().unwrap_or(0);
+        let last = appended.begin.saturating_add(last);
+        // After the last array has been read, its bytes need not be searched.
+        if self.scanner.position() <= last {
+            self.seek(last)?;
+            self.skip_plain(appended.base64)?;
+        }
+        if !self.scanner.pass(b"</VTKFile>")? {
+            return Ok(());
+        }
+        self.scanner.skip_blanks()?;
+        let at = self.scanner.position();
+        match self.scanner.peek(1)? {
+            [] => Ok(()),
+            _ => {
+                Err(self.source.error(format!("byte {at}"), "text outside of all elements, after </VTKFile>"))
+            }
+        }
     }
 
     /// Returns the number of values in `count` tuples of an array.
