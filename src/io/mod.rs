@@ -30,7 +30,7 @@ pub use formats::raw::read_raw;
 pub use formats::triangles::{read_triangles, read_triangles_memory};
 pub use image::{read_exr, write_exr, write_image, write_png};
 pub use options::{Progress, ReadOptions};
-pub use read_data::{read, read_arrays, read_grid, read_memory};
+pub use read_data::{read, read_arrays, read_arrays_memory, read_grid, read_memory};
 pub use registry::known_formats;
 pub use report::{Loaded, Report};
 pub use write::nrrd::write_nrrd;

@@ -37,14 +37,32 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Loaded> {
 ///
 /// As [`read`], and [`Error::File`] if one array is wanted and there are others.
 pub fn read_arrays(path: impl AsRef<Path>, options: &ReadOptions, one: bool) -> Result<Loaded<DataFile>> {
-    let path = path.as_ref();
-    let wanted = if one { Wanted::OneArray } else { Wanted::Arrays };
-    let Loaded { data, report } = find(path, &Request { options, wanted })?;
+    find(path.as_ref(), &arrays(options, one)).map(as_arrays)
+}
+
+/// Reads a data file in memory as [`read_arrays`] does, with the files that [`read_memory`] describes.
+///
+/// # Errors
+///
+/// As [`read_arrays`] and [`read_memory`].
+pub fn read_arrays_memory(
+    files: &[(&str, &[u8])],
+    options: &ReadOptions,
+    one: bool,
+) -> Result<Loaded<DataFile>> {
+    read_source(&Source::in_memory(files)?, &arrays(options, one)).map(as_arrays)
+}
+
+fn arrays(options: &ReadOptions, one: bool) -> Request<'_> {
+    Request { options, wanted: if one { Wanted::OneArray } else { Wanted::Arrays } }
+}
+
+fn as_arrays(Loaded { data, report }: Found) -> Loaded<DataFile> {
     let data = match data {
         Content::Arrays(data) => data,
         Content::Scene(data) => DataFile::of(&data, report.shown_name()),
     };
-    Ok(Loaded { data, report })
+    Loaded { data, report }
 }
 
 /// Finds the reader of a file or a folder, and reads it.

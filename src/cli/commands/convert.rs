@@ -31,8 +31,7 @@ impl Args {
         io::check_writable(&self.output)?;
         output::check_apart("output", &self.output, &[(&self.input, "the input")])?;
         let Loaded { data, report } = self.load(format)?;
-        let arrays: Vec<String> = data.arrays().map(ToString::to_string).collect();
-        let summary = format!("{}: {}, {}", report.format, data.summary(), arrays.join(", "));
+        let summary = format!("{}: {}", report.format, data.summary());
         let notes = io::write_arrays(&self.output, data)?;
         if quiet {
             return Ok(());
@@ -56,7 +55,7 @@ impl Args {
         if !loaded.data.is_uneven() || matches!(format, OutputFormat::Vtr | OutputFormat::Vtu) {
             return Ok(loaded);
         }
-        if loaded.data.arrays().count() != 1 {
+        if loaded.data.arrays().len() != 1 {
             let rule = "must end in .vtr, for all arrays on uneven coordinates; or choose one by --only NAME, which is resampled";
             return Err(output::refuse(&self.output, "file name", rule));
         }

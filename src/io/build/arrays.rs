@@ -165,7 +165,8 @@ fn find_whole(source: &Source, arrays: &[ArrayInfo], wanted: &str) -> Result<Cho
     if let Some((index, part)) = parted {
         return Ok(Choice { index, pick: part_of(source, &arrays[index], part)? });
     }
-    Err(source.error(format!("array \"{wanted}\""), format!("no such array: there are {}", list(arrays))))
+    Err(source
+        .error(format!("array \"{wanted}\""), format!("no such array: there are {}", list(arrays.iter()))))
 }
 
 /// Selects the arrays that are kept as they are: the one that the request names, otherwise all. Arrays in `spare` are
@@ -187,21 +188,23 @@ pub(crate) fn select(
         .filter(|&i| names.insert((arrays[i].association.name(), &arrays[i].name)))
         .collect();
     if one && own.len() != 1 {
-        let infos: Vec<ArrayInfo> = own.iter().map(|&i| arrays[i].clone()).collect();
-        let rule =
-            format!("the output holds one array: choose it by --only NAME; there are {}", list(&infos));
+        let rule = format!(
+            "the output holds one array: choose it by --only NAME; there are {}",
+            list(own.iter().map(|&i| &arrays[i]))
+        );
         return Err(source.error("arrays", rule));
     }
     Ok(own.into_iter().map(|index| Choice { index, pick: Pick::Whole }).collect())
 }
 
 /// Lists the arrays in one line.
-fn list(arrays: &[ArrayInfo]) -> String {
+pub(crate) fn list<'a>(arrays: impl ExactSizeIterator<Item = &'a ArrayInfo>) -> String {
     /// The limit on names in one message.
     const MOST: usize = 20;
-    let mut names: Vec<String> = arrays.iter().take(MOST).map(ToString::to_string).collect();
-    if arrays.len() > MOST {
-        names.push(format!("and {} more", arrays.len() - MOST));
+    let more = arrays.len().saturating_sub(MOST);
+    let mut names: Vec<String> = arrays.take(MOST).map(ToString::to_string).collect();
+    if more > 0 {
+        names.push(format!("and {more} more"));
     }
     if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }

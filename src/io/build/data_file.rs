@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
-use crate::io::build::arrays::{ArrayInfo, Association};
+use crate::io::build::arrays::{ArrayInfo, Association, list};
 use crate::io::build::dataset::Dataset;
 use crate::io::file::decode::{Tuples, magnitude};
 use crate::io::file::sample_type::{Pick, SampleType, by_type};
@@ -96,7 +96,7 @@ pub(crate) fn stand_in() -> Result<Grid> {
 
 impl DataFile {
     /// Describes the arrays.
-    pub fn arrays(&self) -> impl Iterator<Item = &ArrayInfo> {
+    pub fn arrays(&self) -> impl ExactSizeIterator<Item = &ArrayInfo> {
         self.arrays.iter().map(|array| &array.info)
     }
 
@@ -121,20 +121,10 @@ impl DataFile {
         }
     }
 
-    /// Describes the shape in a few words.
+    /// Describes shape and arrays in one line.
     #[must_use]
     pub fn summary(&self) -> String {
-        let lattice = |[x, y, z]: [usize; 3]| format!("grid of {x} x {y} x {z} points");
-        match &self.shape {
-            Shape::Even(own) => lattice(own.dims.map(num::index)),
-            Shape::Uneven(lists) => lattice([0, 1, 2].map(|axis| lists[axis].len())),
-            Shape::Cells(Dataset { points, types, .. }) if types.iter().all(|&kind| kind <= 2) => {
-                format!("{} points", points.len())
-            }
-            Shape::Cells(Dataset { points, types, .. }) => {
-                format!("mesh of {} points and {} cells", points.len(), types.len())
-            }
-        }
+        format!("{}, {}", self.shape.summary(), list(self.arrays()))
     }
 
     /// Replaces stored numbers by values, as the rescale says, and returns a note on it. Values become whole numbers of
@@ -170,6 +160,23 @@ impl DataFile {
             Association::Cell => lattice.of_cells(),
         };
         Ok((lattice, array))
+    }
+}
+
+impl Shape {
+    /// Describes the shape in a few words.
+    pub(crate) fn summary(&self) -> String {
+        let lattice = |[x, y, z]: [usize; 3]| format!("a grid of {x} x {y} x {z} points");
+        match self {
+            Self::Even(own) => lattice(own.dims.map(num::index)),
+            Self::Uneven(lists) => lattice([0, 1, 2].map(|axis| lists[axis].len())),
+            Self::Cells(Dataset { points, types, .. }) if types.iter().all(|&kind| kind <= 2) => {
+                format!("{} points", points.len())
+            }
+            Self::Cells(Dataset { points, types, .. }) => {
+                format!("a mesh of {} points and {} cells", points.len(), types.len())
+            }
+        }
     }
 }
 

@@ -141,7 +141,7 @@ impl Axes {
             }
             uneven[axis] = true;
             steps[axis] = (last - first) / wanted;
-            counts[axis] = num::u32_of(wanted) + 1;
+            counts[axis] = num::u32_of(wanted).saturating_add(1);
             notes.push(format!(
                 "{letter}: gaps from {least} to {most}, resampled linearly from {} to {} samples",
                 dims[axis], counts[axis]

@@ -85,7 +85,7 @@ pub fn write_arrays(path: impl AsRef<Path>, data: DataFile) -> Result<Vec<String
         return Err(Error::file(
             path,
             "file name",
-            format!("must end in {endings}: the data is a {}", data.summary()),
+            format!("must end in {endings}: the data is {}", data.shape.summary()),
         ));
     }
     match format {

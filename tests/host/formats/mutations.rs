@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use volraster::io::{ReadOptions, read_memory};
+use volraster::io::{ReadOptions, read_arrays_memory, read_memory};
 
 use super::container;
 use super::support::Sample;
@@ -183,9 +183,14 @@ fn survive_by(read: Read, files: &[(&str, &[u8])], what: &dyn Fn() -> String) ->
     read
 }
 
-/// Damages the samples of a format.
+/// Damages the samples of a format, which are read as scene data and as arrays.
 pub fn damage(format: &str, samples: &[Sample]) {
-    damage_by(|files, options| read_memory(files, options).map(drop), format, samples);
+    let read: Read = |files, options| {
+        let scene = read_memory(files, options);
+        read_arrays_memory(files, options, false)?;
+        scene.map(drop)
+    };
+    damage_by(read, format, samples);
 }
 
 /// The same where something else reads them.

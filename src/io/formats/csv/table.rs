@@ -9,6 +9,9 @@ use crate::io::file::source::Source;
 use crate::io::file::text::{self, shown};
 use crate::io::formats::csv::row::{Delimiter, Row, Rows, is_number, number};
 
+/// The largest magnitude up to which 64-bit floats represent every whole number.
+const EXACT: u64 = 1 << 53;
+
 /// The limit on columns.
 const MAX_COLUMNS: usize = 1 << 14;
 
@@ -50,6 +53,8 @@ pub(crate) fn positions<'n>(
 pub(crate) struct TableColumn {
     pub(crate) name: String,
     pub(crate) kind: Option<SampleType>,
+    /// Whether it has whole numbers that 64-bit floats round.
+    rounded: bool,
 }
 
 /// A table after its first pass.
@@ -111,7 +116,10 @@ impl<'a> Table<'a> {
             let rule = format!("column {}: its name is longer than {MAX_NAME} bytes", i + 1);
             return Err(rows.error(rule));
         }
-        let columns = names.iter().map(|name| TableColumn { name: text::plain(name), kind: None }).collect();
+        let columns = names
+            .iter()
+            .map(|name| TableColumn { name: text::plain(name), kind: None, rounded: false })
+            .collect();
         let mut table = Self { source, delimiter, header, named, columns, axes, rows: 0 };
         let mut words = vec![false; width];
         let mut more = !header || rows.next()?;
@@ -123,6 +131,7 @@ impl<'a> Table<'a> {
             for ((told, words), cell) in table.columns.iter_mut().zip(&mut words).zip(rows.row.cells()) {
                 // The first value decides whether the column is numeric; it is a column of whole numbers if all
                 // values are.
+                told.rounded |= cell.parse().is_ok_and(|whole: i64| whole.unsigned_abs() > EXACT);
                 match told.kind {
                     _ if *words => {}
                     None if cell.is_empty() => {}
@@ -194,6 +203,10 @@ impl<'a> Table<'a> {
             self.columns.iter().filter(|told| told.kind.is_some() && !names.insert(told.name.as_str()));
         let warning =
             |name: &str| format!("several columns \"{}\": the first is read by this name", shown(name));
-        again.take(16).map(|told| warning(&told.name)).collect()
+        let rounded = self.columns.iter().filter(|told| told.kind.is_some() && told.rounded);
+        let rounding =
+            |name: &str| format!("column \"{}\": whole numbers beyond 2^53 are rounded", shown(name));
+        let warnings = again.take(16).map(|told| warning(&told.name));
+        warnings.chain(rounded.take(16).map(|told| rounding(&told.name))).collect()
     }
 }
