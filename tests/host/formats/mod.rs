@@ -12,6 +12,7 @@
 )]
 
 mod container;
+mod convert;
 mod csv;
 mod dicom;
 mod folder;

@@ -333,3 +333,21 @@ fn values_beyond_f32_are_told() {
     assert!(warnings.iter().any(|w| w.contains("23 samples are infinite, or beyond f32")), "{warnings:?}");
     Sample::one("packed", "a.npy.gz", super::support::gzip(&data)).refused(&["gzip", "unpack it first"]);
 }
+
+/// Pairs at 4 x 3 x 2 places in Fortran order; in C order they count down from the largest number.
+pub fn fortran_i64() -> Sample {
+    let mut numbers = Vec::new();
+    for c in 0..2_i64 {
+        for x in 0..4 {
+            for y in 0..3 {
+                for z in 0..2 {
+                    numbers.extend((i64::MAX - (((z * 3 + y) * 4 + x) * 2 + c)).to_le_bytes());
+                }
+            }
+        }
+    }
+    let header = "{'descr': '<i8', 'fortran_order': True, 'shape': (2, 3, 4, 2), }";
+    let header = format!("{header:<117}\n");
+    let begin = [b"\x93NUMPY\x01\x00".as_slice(), &(header.len() as u16).to_le_bytes()].concat();
+    Sample::one("pairs in Fortran order", "a.npy", [begin, header.into_bytes(), numbers].concat())
+}

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io::Read as _;
+use std::path::Path;
 
 use glam::{DMat3, DVec3};
 use volraster::io::{Data, read, write_nrrd, write_vtu};
@@ -161,21 +162,27 @@ fn nrrd_header() {
 // ---------------------------------------------------------------------------------------------------
 // VTU
 
-/// What a VTU file holds: its header, and the unpacked bytes of its arrays by name.
-struct Vtu {
-    header: String,
-    arrays: BTreeMap<String, Vec<u8>>,
+/// What one of VTK's XML files holds: its header, and the unpacked bytes of its arrays by name.
+pub struct Vtu {
+    pub header: String,
+    pub arrays: BTreeMap<String, Vec<u8>>,
 }
 
 impl Vtu {
-    /// Writes data and takes the file apart by the rules of the format.
+    /// Writes data and takes the file apart.
     #[track_caller]
     fn of(data: &Data, name: &str) -> Self {
         let folder = Folder::new();
         let path = folder.path("out.vtu");
         write_vtu(&path, data, name).unwrap();
         assert_eq!(std::fs::read_dir(folder.path(".")).unwrap().count(), 1);
-        let file = std::fs::read(&path).unwrap();
+        Self::at(&path)
+    }
+
+    /// Takes a file apart by the rules of the format.
+    #[track_caller]
+    pub fn at(path: &Path) -> Self {
+        let file = std::fs::read(path).unwrap();
         let begin = file.windows(4).position(|w| w == b"\n   ").unwrap() + 4;
         let begin = begin + file[begin..].windows(4).position(|w| w == b"   _").unwrap() + 4;
         let header = String::from_utf8(file[..begin].to_vec()).unwrap();
@@ -196,7 +203,7 @@ impl Vtu {
             let at: usize = attribute("offset").parse().unwrap();
             assert_eq!(at, next, "arrays follow one another");
             let [blocks, whole, last] = [0, 8, 16].map(|i| word(at + i));
-            assert!(whole >= 32_768 && last < whole);
+            assert!(whole >= 32_768 && last < whole, "{whole} {last}");
             let mut place = at + 24 + 8 * blocks;
             let mut unpacked = Vec::new();
             for block in 0..blocks {
@@ -228,7 +235,7 @@ impl Vtu {
     }
 
     #[track_caller]
-    fn has(&self, part: &str) -> &Self {
+    pub fn has(&self, part: &str) -> &Self {
         assert!(self.header.contains(part), "no {part} in {}", self.header);
         self
     }
