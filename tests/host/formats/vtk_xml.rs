@@ -1041,7 +1041,7 @@ fn wrong_appended_data_is_refused() {
     let none = replaced(&none, "-12000", "<!--");
     let none = replaced(&none, "13585", "-->");
     Sample::one("", "a.vti", none).refused(&["its format is appended: there is no AppendedData"]);
-    // Cut anywhere, a file is refused; bytes after the last array are not read.
+    // Cut anywhere, a file is refused, except within the tags that close the appended data.
     for (style, tail) in [(RAW, 29), (STYLES[12], 29), (ASCII, 11), (STYLES[3], 11)] {
         let whole = vtu(style);
         for end in 0..whole.len() - tail {
@@ -1049,6 +1049,62 @@ fn wrong_appended_data_is_refused() {
             assert!(sample.read(&with("stress")).is_err() || end > whole.len() - 60, "{}: {end}", style.what);
         }
     }
+}
+
+#[test]
+fn text_after_the_document_is_refused() {
+    for style in STYLES {
+        for (name, file) in [("a.vti", vti(style)), ("a.vtu", vtu(style)), ("a.vtr", vtr(style))] {
+            // Whether the array that is read is the last one or not.
+            for array in match name {
+                "a.vti" => ["density", "heat"],
+                "a.vtu" => ["flow:z", "stress"],
+                _ => ["a", "point:a"],
+            } {
+                let after = |text: &str| [file.as_slice(), text.as_bytes()].concat();
+                read(style.what, name, after(" \n\t\n"), array);
+                let second = String::from_utf8_lossy(&file).into_owned();
+                for text in ["x", "\n  junk", "<VTKFile>", second.as_str()] {
+                    for (name, bytes) in
+                        [(name.to_owned(), after(text)), (format!("{name}.gz"), gzip(&after(text)))]
+                    {
+                        let error = Sample::one(style.what, &name, bytes).read(&with(array)).unwrap_err();
+                        let found = error.to_string();
+                        assert!(
+                            found.contains("outside of all elements")
+                                || found.contains("must be one VTKFile"),
+                            "{}, {name}, {array}: {found}",
+                            style.what
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Coordinates that 64-bit floats hold, but whose squares and cubes they do not.
+#[test]
+fn places_too_far_to_be_rendered_are_named() {
+    let rule = "coordinates that are rendered must be within 1e100 of 0";
+    for far in ["1e300", "-2e100"] {
+        let mesh = replaced(&vtu(ASCII), "0.5 0.5 2", &format!("0.5 {far} 2"));
+        let place = format!("a.vtu: point 8: 5e-1, {far}, 2e0: ");
+        Sample::one("mesh", "a.vtu", mesh.clone()).refused(&[&place, rule]);
+        let lattice = replaced(&vti(ASCII), "Origin=\"1 2 3\"", &format!("Origin=\"1 2 {far}\""));
+        Sample::one("grid", "a.vti", lattice).refused(&[
+            "a.vti: placement: a corner at 1e0, 2e0, ",
+            far,
+            rule,
+        ]);
+        let table = format!("x,y,z,a\n0,0,0,1\n0,{far},1,2\n");
+        Sample::one("points", "a.csv", table).refused(&[&format!("a.csv: point 1: 0e0, {far}, 1e0: "), rule]);
+        // Other programs may want them.
+        let files: &[(&str, &[u8])] = &[("a.vtu", &mesh)];
+        assert!(volraster::io::read_arrays_memory(files, &OPTIONS, false).is_ok());
+    }
+    let near = replaced(&vtu(ASCII), "0.5 0.5 2", "0.5 1e100 2");
+    assert!(Sample::one("near", "a.vtu", near).read(&OPTIONS).is_ok());
 }
 
 #[test]
