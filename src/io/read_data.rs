@@ -5,6 +5,7 @@ use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::io::build::arrays;
 use crate::io::build::data_file::DataFile;
 use crate::io::file::source::{Source, list};
 use crate::io::formats::dicom::{self, recognise};
@@ -37,7 +38,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Loaded> {
 ///
 /// As [`read`], and [`Error::File`] if one array is wanted and there are others.
 pub fn read_arrays(path: impl AsRef<Path>, options: &ReadOptions, one: bool) -> Result<Loaded<DataFile>> {
-    find(path.as_ref(), &arrays(options, one)).map(as_arrays)
+    find(path.as_ref(), &request(options, one)).map(as_arrays)
 }
 
 /// Reads a data file in memory as [`read_arrays`] does, with the files that [`read_memory`] describes.
@@ -50,17 +51,22 @@ pub fn read_arrays_memory(
     options: &ReadOptions,
     one: bool,
 ) -> Result<Loaded<DataFile>> {
-    read_source(&Source::in_memory(files)?, &arrays(options, one)).map(as_arrays)
+    read_source(&Source::in_memory(files)?, &request(options, one)).map(as_arrays)
 }
 
-fn arrays(options: &ReadOptions, one: bool) -> Request<'_> {
+fn request(options: &ReadOptions, one: bool) -> Request<'_> {
     Request { options, wanted: if one { Wanted::OneArray } else { Wanted::Arrays } }
 }
 
-fn as_arrays(Loaded { data, report }: Found) -> Loaded<DataFile> {
+fn as_arrays(Loaded { data, mut report }: Found) -> Loaded<DataFile> {
     let data = match data {
         Content::Arrays(data) => data,
-        Content::Scene(data) => DataFile::of(&data, report.shown_name()),
+        Content::Scene(data) => {
+            let data = DataFile::of(&data, report.shown_name());
+            let arrays = arrays::list(data.arrays());
+            report.warnings.push(format!("values are computed, as for rendering, and kept as {arrays}"));
+            data
+        }
     };
     Loaded { data, report }
 }

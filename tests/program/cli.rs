@@ -888,6 +888,53 @@ fn meshes_and_points_are_described_and_converted() {
     assert_eq!(weight["range"], serde_json::json!([1.0, 4.0]));
 }
 
+/// A file of several arrays: all of them, the chosen one, or a line that names them.
+#[test]
+fn convert_keeps_all_arrays_or_asks_for_one() {
+    let folder = empty();
+    let file = |x: &str| {
+        format!(
+            "<VTKFile type=\"RectilinearGrid\" version=\"1.0\" byte_order=\"LittleEndian\"><RectilinearGrid \
+             WholeExtent=\"0 2 0 1 0 1\"><Piece Extent=\"0 2 0 1 0 1\"><PointData><DataArray type=\"Float64\" Name=\"t\" \
+             format=\"ascii\">0 1 2 3 4 5 6 7 8 9 10 0.1</DataArray></PointData><CellData><DataArray type=\"Int64\" \
+             Name=\"n\" NumberOfComponents=\"2\" format=\"ascii\">1 2 3 4</DataArray></CellData><Coordinates>\
+             <DataArray type=\"Float64\" format=\"ascii\">{x}</DataArray><DataArray type=\"Float64\" \
+             format=\"ascii\">0 1</DataArray><DataArray type=\"Float64\" format=\"ascii\">0 1</DataArray></Coordinates>\
+             </Piece></RectilinearGrid></VTKFile>"
+        )
+    };
+    folder.write("even.vtr", file("0 1 2"));
+    folder.write("uneven.vtr", file("0 1 3"));
+    let before = folder.names("");
+    let names = "a grid of 3 x 2 x 2 points, point:t (f64), cell:n (i64 x 2)";
+    for name in ["out.nrrd", "out.nii", "out.nii.gz"] {
+        let says = ["even.vtr", "--only NAME", "there are point:t (f64), cell:n (i64 x 2)"];
+        folder.run(&format!("convert even.vtr {name}")).fails(2, &says);
+    }
+    folder.run("convert uneven.vtr out.vti").fails(2, &["out.vti", "must end in .vtr", "--only NAME"]);
+    folder
+        .run("convert even.vtr out.nii --only n")
+        .fails(2, &["out.nii", "a voxel holds one number", "--only n:0"]);
+    folder
+        .run("convert even.vtr out.vti --only q")
+        .fails(2, &["even.vtr", "\"q\"", "no such array", "point:t (f64)"]);
+    folder.run("convert even.vtr out.vti --array t").fails(2, &["--array"]);
+    assert_eq!(folder.names(""), before);
+    for (input, name) in [("even.vtr", "out.vti"), ("even.vtr", "out.vtr"), ("uneven.vtr", "out.vtr")] {
+        let run = folder.run(&format!("convert {input} {name}")).done();
+        assert!(run.out.contains(names) && run.err.is_empty(), "{input}, {name}: {}{}", run.out, run.err);
+    }
+    let run = folder.run("convert even.vtr out.nii.gz --only t").done();
+    for part in ["point:t (f64)", "the unknown world axes are written as RAS"] {
+        assert!(run.out.contains(part), "{}", run.out);
+    }
+    assert_eq!(folder.run("info out.nii.gz --json").done().json()["range"], serde_json::json!([0.0, 10.0]));
+    // Samples on uneven coordinates are resampled, which is said.
+    let run = folder.run("convert uneven.vtr out.vti --only t");
+    assert!(run.code == 0 && run.out.contains("a grid of 4 x 2 x 2 points, point:t (f32)"), "{}", run.out);
+    assert!(run.err.contains("x: gaps from 1 to 2, resampled linearly from 3 to 4 samples"), "{}", run.err);
+}
+
 /// A mesh alone, and through a scene file, in the reference and in what `info` tells.
 #[test]
 fn the_reference_draws_meshes() {
