@@ -57,11 +57,13 @@ pub(crate) fn i16_code(value: f64) -> i16 {
 }
 
 /// A type of numbers that has a nearest one to each `f64`.
+#[cfg(feature = "io")]
 pub(crate) trait Nearest {
     /// Returns the nearest number. Whole numbers saturate at both ends, and NaN gives 0.
     fn of(value: f64) -> Self;
 }
 
+#[cfg(feature = "io")]
 macro_rules! nearest {
     ($map:expr; $($type:ty)*) => {
         $(impl Nearest for $type {
@@ -71,7 +73,9 @@ macro_rules! nearest {
         })*
     };
 }
+#[cfg(feature = "io")]
 nearest!(f64::round; u8 i8 u16 i16 u32 i32 u64 i64);
+#[cfg(feature = "io")]
 nearest!(std::convert::identity::<f64>; f32 f64);
 
 /// Converts a 32-bit count to an index; exact on every platform that this crate builds for.

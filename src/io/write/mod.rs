@@ -89,7 +89,9 @@ pub fn write_arrays(path: impl AsRef<Path>, data: DataFile) -> Result<Vec<String
         ));
     }
     match format {
-        OutputFormat::Vti | OutputFormat::Vtr | OutputFormat::Vtu => vtk::write(path, data),
+        OutputFormat::Vti | OutputFormat::Vtr | OutputFormat::Vtu => {
+            vtk::write(path, data, format == OutputFormat::Vtr)
+        }
         OutputFormat::Nrrd => nrrd::write(path, data).map(|note| note.into_iter().collect()),
         OutputFormat::Nifti { packed } => nifti::write(path, data, packed),
     }

@@ -44,51 +44,40 @@ pub fn write_vtu(path: impl AsRef<Path>, data: &Data, name: &str) -> Result<()> 
     if matches!(data, Data::Grid(_)) {
         return Err(Error::file(path.as_ref(), "content", "a grid: a VTU file holds a mesh or points"));
     }
-    write(path.as_ref(), DataFile::of(data, name)).map(drop)
+    write(path.as_ref(), DataFile::of(data, name), false).map(drop)
 }
 
-/// Writes the file that the shape of the data needs. Returns notes on values and meanings that are not kept.
-pub(crate) fn write(path: &Path, data: DataFile) -> Result<Vec<String>> {
+/// Writes the kind of file that the shape of the data needs. Coordinates that a grid lists are written as such if
+/// `listed`, or if they are uneven. Returns notes on values and meanings that are not kept.
+pub(crate) fn write(path: &Path, data: DataFile, listed: bool) -> Result<Vec<String>> {
     let (DataFile { shape, arrays }, note) = data.rescaled();
     let mut notes: Vec<String> = note.into_iter().collect();
-    if let Shape::Even(Lattice { anatomy, .. }) = &shape
-        && *anatomy != Anatomy::Unknown
-    {
-        notes.push(format!(
-            "VTK's files do not say that the world axes are {}",
-            format!("{anatomy:?}").to_uppercase()
-        ));
-    }
     let of = |association| {
         let own = arrays.iter().filter(move |array| array.info.association == association);
         own.map(Array::of).collect::<Vec<_>>()
     };
     let mut sections = vec![("PointData", of(Association::Point)), ("CellData", of(Association::Cell))];
+    let rectilinear = |lists: &[Vec<f64>; 3]| {
+        let extent = extent([0, 1, 2].map(|axis| lists[axis].len()));
+        ("RectilinearGrid", format!(" WholeExtent=\"{extent}\""), format!("Extent=\"{extent}\""))
+    };
     let (kind, set, piece) = match &shape {
-        Shape::Even(lattice) if !ends_in_vtr(path) => {
-            let Lattice { dims, origin, spacing, direction, .. } = lattice;
-            let extent = extent(dims.map(num::index));
-            let numbers = |numbers: &[f64]| {
-                numbers.iter().map(|number| format!("{number:?}")).collect::<Vec<_>>().join(" ")
-            };
-            let (origin, spacing) = (numbers(&origin.to_array()), numbers(&spacing.to_array()));
-            // Row by row.
-            let direction = numbers(&direction.transpose().to_cols_array());
-            let place = format!("Origin=\"{origin}\" Spacing=\"{spacing}\" Direction=\"{direction}\"");
-            ("ImageData", format!(" WholeExtent=\"{extent}\" {place}"), format!("Extent=\"{extent}\""))
+        Shape::Uneven(lists) => {
+            sections.push(coordinates(lists));
+            rectilinear(lists)
         }
-        Shape::Even(Lattice { listed: Some(lists), .. }) | Shape::Uneven(lists) => {
-            let extent = extent([0, 1, 2].map(|axis| lists[axis].len()));
-            let axes = lists.iter().zip(["x", "y", "z"]);
-            sections.push(("Coordinates", axes.map(|(list, axis)| coordinates(axis, list)).collect()));
-            ("RectilinearGrid", format!(" WholeExtent=\"{extent}\""), format!("Extent=\"{extent}\""))
+        Shape::Even(Lattice { listed: Some(lists), .. }) if listed => {
+            sections.push(coordinates(lists));
+            rectilinear(lists)
         }
-        Shape::Even(_) => {
-            return Err(Error::file(
-                path,
-                "file name",
-                "must end in .vti: the axes need no lists of coordinates",
-            ));
+        Shape::Even(lattice) => {
+            if lattice.anatomy != Anatomy::Unknown {
+                let anatomy = format!("{:?}", lattice.anatomy).to_uppercase();
+                notes.push(format!("VTK's files do not say that the world axes are {anatomy}"));
+            }
+            let extent = extent(lattice.dims.map(num::index));
+            let set = format!(" WholeExtent=\"{extent}\" {}", placement(lattice));
+            ("ImageData", set, format!("Extent=\"{extent}\""))
         }
         Shape::Cells(dataset) => {
             let Dataset { points, types, ends, nodes } = dataset;
@@ -98,9 +87,8 @@ pub(crate) fn write(path: &Path, data: DataFile) -> Result<Vec<String>> {
             let places = |range: Range<usize>, bytes: &mut Vec<u8>| {
                 bytes.extend(points[range].iter().flat_map(|p| p.to_array()).flat_map(f64::to_le_bytes));
             };
-            let points_array = Array::new("Points", "Float64", [3, points.len(), 24], places);
-            sections.push(("Points", vec![points_array]));
             let kinds = |range: Range<usize>, bytes: &mut Vec<u8>| bytes.extend(&types[range]);
+            sections.push(("Points", vec![Array::new("Points", "Float64", [3, points.len(), 24], places)]));
             let kinds = Array::new("types", "UInt8", [1, types.len(), 1], kinds);
             sections.push(("Cells", vec![indices("connectivity", nodes), indices("offsets", ends), kinds]));
             let counts = format!("NumberOfPoints=\"{}\" NumberOfCells=\"{}\"", points.len(), types.len());
@@ -112,9 +100,13 @@ pub(crate) fn write(path: &Path, data: DataFile) -> Result<Vec<String>> {
     Ok(notes)
 }
 
-/// Whether the name is that of a rectilinear grid.
-fn ends_in_vtr(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("vtr"))
+/// Returns the attributes that place a lattice.
+fn placement(Lattice { origin, spacing, direction, .. }: &Lattice) -> String {
+    let numbers = |numbers: &[f64]| numbers.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(" ");
+    let (origin, spacing) = (numbers(&origin.to_array()), numbers(&spacing.to_array()));
+    // Row by row.
+    let direction = numbers(&direction.transpose().to_cols_array());
+    format!("Origin=\"{origin}\" Spacing=\"{spacing}\" Direction=\"{direction}\"")
 }
 
 /// Returns the extent of a lattice with these numbers of points.
@@ -183,11 +175,16 @@ struct Piece<'a> {
     sections: Vec<(&'static str, Vec<Array<'a>>)>,
 }
 
-fn coordinates<'a>(axis: &str, list: &'a [f64]) -> Array<'a> {
-    let put = |range: Range<usize>, bytes: &mut Vec<u8>| {
-        bytes.extend(list[range].iter().flat_map(|x| x.to_le_bytes()));
-    };
-    Array::new(axis, "Float64", [1, list.len(), 8], put)
+/// Returns the element of the coordinates along each axis.
+fn coordinates(lists: &[Vec<f64>; 3]) -> (&'static str, Vec<Array<'_>>) {
+    let mut arrays = Vec::new();
+    for (axis, list) in ["x", "y", "z"].into_iter().zip(lists) {
+        let put = |range: Range<usize>, bytes: &mut Vec<u8>| {
+            bytes.extend(list[range].iter().flat_map(|x| x.to_le_bytes()));
+        };
+        arrays.push(Array::new(axis, "Float64", [1, list.len(), 8], put));
+    }
+    ("Coordinates", arrays)
 }
 
 fn indices<'a>(name: &str, list: &'a [u32]) -> Array<'a> {

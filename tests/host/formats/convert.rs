@@ -11,7 +11,7 @@ use volraster::scene::{Anatomy, Grid, TetScalars};
 
 use super::support::{Folder, OPTIONS, Sample, assert_refusal, grid};
 use super::write::Vtu;
-use super::{gmsh, npy, nrrd, tiff};
+use super::{dicom, gmsh, npy, nrrd, tiff};
 
 fn arrays_of(sample: &Sample, options: &ReadOptions, one: bool) -> volraster::Result<Loaded<DataFile>> {
     let files: Vec<(&str, &[u8])> = sample.files.iter().map(|(n, b)| (n.as_str(), b.as_slice())).collect();
@@ -470,6 +470,17 @@ fn rescales_and_anatomies_are_converted() {
     let data = arrays_of(&unknown, &OPTIONS, true).unwrap().data;
     let notes = write_arrays(folder.path("out.nii"), data).unwrap();
     assert!(notes[0].contains("the unknown world axes are written as RAS"), "{notes:?}");
+}
+
+#[test]
+fn series_keep_stored_numbers_unless_they_are_computed() {
+    for sample in dicom::samples() {
+        let Loaded { data, report } = arrays_of(&sample, &OPTIONS, true).unwrap();
+        let computed =
+            report.warnings.iter().any(|text| text.contains("values are computed, as for rendering"));
+        let expected = ["uneven", "slope", "slab"].iter().any(|word| sample.what.contains(word));
+        assert_eq!(computed, expected, "{}: {}, {:?}", sample.what, data.summary(), report.warnings);
+    }
 }
 
 #[test]
