@@ -10,7 +10,7 @@ use crate::io::build::dataset::Dataset;
 use crate::io::file::decode::{Tuples, magnitude};
 use crate::io::file::sample_type::{Pick, SampleType, by_type};
 use crate::num;
-use crate::scene::{Anatomy, Data, Grid, KernelSize, Points, Rescale, Samples, TetScalars, Tets};
+use crate::scene::{Anatomy, Grid, Rescale, Samples};
 
 /// The contents of a data file: the places of its samples and all its arrays, in the types that the file has. Scene
 /// data, in contrast, has one array in a type that is rendered.
@@ -106,21 +106,6 @@ impl DataFile {
         matches!(self.shape, Shape::Uneven(_))
     }
 
-    /// Makes a file of scene data, whose scalars get a name. The weights and sizes of points become arrays `weight`,
-    /// and `radius` or `covariance`.
-    #[must_use]
-    pub fn of(data: &Data, name: &str) -> Self {
-        let name = if name.is_empty() { "scalar" } else { name };
-        match data {
-            Data::Grid(grid) => {
-                let array = scalars(name, Association::Point, grid.samples());
-                Self { shape: Shape::Even(Lattice::of(grid, grid.dims())), arrays: vec![array] }
-            }
-            Data::Mesh(mesh) => of_mesh(mesh, name),
-            Data::Points(points) => of_points(points, name),
-        }
-    }
-
     /// Describes shape and arrays in one line.
     #[must_use]
     pub fn summary(&self) -> String {
@@ -188,8 +173,8 @@ impl Array {
             Pick::Whole => {}
             Pick::Component(at) => {
                 let size = self.tuples.size / components;
-                let part = |tuple: &[u8]| tuple[at * size..(at + 1) * size].to_vec();
-                let bytes = self.tuples.bytes.chunks_exact(self.tuples.size).flat_map(part).collect();
+                let tuples = self.tuples.bytes.chunks_exact(self.tuples.size);
+                let bytes = tuples.flat_map(|tuple| &tuple[at * size..(at + 1) * size]).copied().collect();
                 (self.tuples, self.info.components) = (Tuples { size, bytes }, 1);
             }
             Pick::Magnitude => {
@@ -256,81 +241,4 @@ fn kind_of_values(array: &Array, rescale: Rescale) -> SampleType {
     let step = f64::from(f32::EPSILON) * largest.max(f64::from(f32::MIN_POSITIVE));
     let apart = if codes { slope.abs() >= 2.0 * step } else { lo == hi || (hi - lo) / step >= STEPS };
     if apart && largest <= f64::from(f32::MAX) { SampleType::F32 } else { SampleType::F64 }
-}
-
-/// Makes an active array of numbers.
-fn array<const N: usize>(
-    name: &str,
-    association: Association,
-    (kind, components): (SampleType, usize),
-    numbers: impl Iterator<Item = [u8; N]>,
-) -> Array {
-    let info = ArrayInfo { name: name.to_owned(), association, kind, components, active: false };
-    let tuples = Tuples { bytes: numbers.flatten().collect(), ..Tuples::none(kind, components) };
-    Array { info, tuples }
-}
-
-fn floats<'f>(name: &str, association: Association, values: impl IntoIterator<Item = &'f f32>) -> Array {
-    array(name, association, (SampleType::F32, 1), values.into_iter().map(|x| x.to_le_bytes()))
-}
-
-/// Makes the active array.
-fn scalars(name: &str, association: Association, values: &Samples) -> Array {
-    let mut made = match values {
-        Samples::U8(v) => array(name, association, (SampleType::U8, 1), v.iter().map(|x| x.to_le_bytes())),
-        Samples::U16(v) => array(name, association, (SampleType::U16, 1), v.iter().map(|x| x.to_le_bytes())),
-        Samples::I16(v) => array(name, association, (SampleType::I16, 1), v.iter().map(|x| x.to_le_bytes())),
-        Samples::F32(v) => floats(name, association, v),
-    };
-    made.info.active = true;
-    made
-}
-
-fn of_mesh(mesh: &Tets, name: &str) -> DataFile {
-    let association = match mesh.scalars() {
-        TetScalars::Point(_) => Association::Point,
-        TetScalars::Cell(_) => Association::Cell,
-    };
-    let mut array = floats(name, association, mesh.scalars().values());
-    array.info.active = true;
-    let cells = mesh.cells().len();
-    let dataset = Dataset {
-        points: mesh.points().to_vec(),
-        types: vec![10; cells],
-        ends: (1..=num::count(cells)).map(|cell| cell.saturating_mul(4)).collect(),
-        nodes: mesh.cells().iter().flatten().copied().collect(),
-    };
-    DataFile { shape: Shape::Cells(dataset), arrays: vec![array] }
-}
-
-fn of_points(points: &Points, name: &str) -> DataFile {
-    let count = points.centres().len();
-    let mut arrays: Vec<Array> = Vec::new();
-    if let Some(values) = points.scalars() {
-        let mut array = floats(name, Association::Point, values);
-        array.info.active = true;
-        arrays.push(array);
-    }
-    // The scalars may have one of these names.
-    let unused = |name: &str| {
-        if arrays.iter().any(|array| array.info.name == name) { format!("{name}_") } else { name.to_owned() }
-    };
-    let weights = points.weights().map(|weights| floats(&unused("weight"), Association::Point, weights));
-    let (radius, covariance) = (unused("radius"), unused("covariance"));
-    arrays.extend(weights);
-    match points.size() {
-        KernelSize::Unknown => {}
-        KernelSize::Radius(radius_of_all) => {
-            let all = std::iter::repeat_n(radius_of_all.to_le_bytes(), count);
-            arrays.push(array(&radius, Association::Point, (SampleType::F64, 1), all));
-        }
-        KernelSize::Radii(radii) => arrays.push(floats(&radius, Association::Point, radii)),
-        KernelSize::Covariances(all) => {
-            // VTK orders six components differently; nine have the same order everywhere.
-            let row = |&[xx, xy, xz, yy, yz, zz]: &[f32; 6]| [xx, xy, xz, xy, yy, yz, xz, yz, zz];
-            let rows = all.iter().flat_map(row).map(f32::to_le_bytes);
-            arrays.push(array(&covariance, Association::Point, (SampleType::F32, 9), rows));
-        }
-    }
-    DataFile { shape: Shape::Cells(Dataset::of_points(points.centres().to_vec())), arrays }
 }
