@@ -41,8 +41,28 @@ pub(crate) struct Lattice {
     pub(crate) direction: DMat3,
     pub(crate) anatomy: Anatomy,
     pub(crate) rescale: Rescale,
+    pub(crate) unit: Unit,
     /// Coordinates that the file lists, even up to rounding.
     pub(crate) listed: Option<[Vec<f64>; 3]>,
+}
+
+/// The unit of lengths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unit {
+    Unknown,
+    Metre,
+    Millimetre,
+    Micrometre,
+}
+
+impl Unit {
+    /// Every unit in the order of NIfTI's codes, from 0, with its symbol in NRRD.
+    pub(crate) const ALL: [(Self, &'static str); 4] =
+        [(Self::Unknown, ""), (Self::Metre, "m"), (Self::Millimetre, "mm"), (Self::Micrometre, "um")];
+
+    pub(crate) fn symbol(self) -> &'static str {
+        Self::ALL.iter().find(|(unit, _)| *unit == self).map_or("", |(_, symbol)| symbol)
+    }
 }
 
 /// An array with its tuples.
@@ -63,7 +83,8 @@ impl Lattice {
     ) -> Result<Self> {
         let rules = rules.clone().with_placement(spacing, origin, direction)?;
         let (anatomy, rescale) = (rules.anatomy(), rules.rescale());
-        Ok(Self { dims, spacing, origin, direction, anatomy, rescale, listed: None })
+        let unit = Unit::Unknown;
+        Ok(Self { dims, spacing, origin, direction, anatomy, rescale, unit, listed: None })
     }
 
     /// Returns the lattice of a grid.
@@ -72,7 +93,8 @@ impl Lattice {
         let direction =
             DMat3::from_cols(axes.x_axis / spacing.x, axes.y_axis / spacing.y, axes.z_axis / spacing.z);
         let (origin, anatomy, rescale) = (grid.origin(), grid.anatomy(), grid.rescale());
-        Self { dims, spacing, origin, direction, anatomy, rescale, listed: None }
+        let unit = Unit::Unknown;
+        Self { dims, spacing, origin, direction, anatomy, rescale, unit, listed: None }
     }
 
     /// Returns the steps from point to point along each axis.

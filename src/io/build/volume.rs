@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
 use crate::io::build::arrays::{self, ArrayInfo, Association, Choice};
-use crate::io::build::data_file::{Array, DataFile, Lattice, Shape, stand_in};
+use crate::io::build::data_file::{Array, DataFile, Lattice, Shape, Unit, stand_in};
 use crate::io::file::decode::{Layout, MAX_COMPONENTS, Tuples, Values};
 use crate::io::file::sample_type::Pick;
 use crate::io::file::source::Source;
@@ -23,6 +23,8 @@ pub(crate) struct Chosen {
     /// The part that is kept as it is in the file, instead of samples for scenes.
     kept: Option<Pick>,
     tuples: Option<Tuples>,
+    /// The unit of lengths, which scenes do not have.
+    pub(crate) unit: Unit,
 }
 
 /// The placement of a grid, with notes and warnings on it.
@@ -69,7 +71,8 @@ impl Chosen {
             kept = choices.first().map(|&Choice { pick, .. }| pick);
             pick = Pick::Whole;
         }
-        Ok(Self { layout: Layout { components, pick, ..layout }, array, kept, tuples: None })
+        let layout = Layout { components, pick, ..layout };
+        Ok(Self { layout, array, kept, tuples: None, unit: Unit::Unknown })
     }
 
     /// Makes a grid of the samples. Whole tuples are put aside, and the grid stands in for theirs.
@@ -110,12 +113,14 @@ impl Chosen {
 
     /// Wraps the grid, or the tuples that were put aside, with a report on the array.
     pub(crate) fn found(self, format: &'static str, grid: Grid, lattice: Lattice) -> Found {
-        let Self { array, kept: Some(pick), tuples: Some(tuples), .. } = self else {
+        let Self { array, kept: Some(pick), tuples: Some(tuples), unit, .. } = self else {
             return self.loaded(format, grid).into();
         };
         let kept = Array { info: array.clone(), tuples }.picked(pick);
-        let mut found =
-            Found::of_arrays(format, DataFile { shape: Shape::Even(lattice), arrays: vec![kept] });
+        let mut found = Found::of_arrays(
+            format,
+            DataFile { shape: Shape::Even(Lattice { unit, ..lattice }), arrays: vec![kept] },
+        );
         found.report.arrays = vec![array];
         found
     }

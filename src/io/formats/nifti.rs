@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::error::{Error, Result};
+use crate::io::build::data_file::Unit;
 use crate::io::build::volume::{Chosen, Placement};
 use crate::io::file::decode::Layout;
 use crate::io::file::sample_type::SampleType;
@@ -97,6 +98,8 @@ fn read(source: &Source, format: &'static str, request: &Request) -> Result<Foun
         source.sibling(&path, request)?
     };
     let mut chosen = Chosen::new(source, "dim", Layout::scalar(dims, kind, endian), 1, request)?;
+    // The codes of times share the byte.
+    chosen.unit = Unit::ALL.get(usize::from(header.xyzt_units & 7)).map_or(Unit::Unknown, |&(unit, _)| unit);
     let part = |_, bytes| Ok(Part::sized(data.clone(), skip, bytes));
     let samples = samples::read(source, "dim", &chosen.layout, 1, &part, request)?;
 

@@ -20,6 +20,7 @@ use std::io::Read;
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::io::build::data_file::Unit;
 use crate::io::build::file_names::Files;
 use crate::io::build::volume::Chosen;
 use crate::io::file::decode::Layout;
@@ -64,6 +65,12 @@ impl Reader for Nrrd {
             is_scene && axes.components() > 1 && request.array.is_none() && header.has_no_length();
         if first_alone {
             chosen.layout.pick = Pick::Component(0);
+        }
+
+        if let Some(units) = header.fields.get("space units") {
+            let symbol = units.split_whitespace().next().unwrap_or_default().trim_matches('"');
+            let unit = Unit::ALL.iter().find(|(_, own)| *own == symbol);
+            chosen.unit = unit.map_or(Unit::Unknown, |&(unit, _)| unit);
         }
 
         let files = header.files(&axes)?;

@@ -10,7 +10,7 @@ use flate2::write::GzEncoder;
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::io::build::data_file::{DataFile, Lattice, Shape};
+use crate::io::build::data_file::{DataFile, Lattice, Shape, Unit};
 use crate::io::file::sample_type::SampleType;
 use crate::num;
 use crate::replace::replace;
@@ -57,7 +57,9 @@ pub(crate) fn write(path: &Path, data: DataFile, packed: bool) -> Result<Vec<Str
     if !places.iter().all(|v| v.to_array().into_iter().all(is_f32)) {
         notes.push("the placement is rounded to 32-bit floats".to_owned());
     }
-    let header = header(dims, array.info.kind, places, lattice.rescale);
+    let mut header = header(dims, array.info.kind, places, lattice.rescale);
+    let unit = Unit::ALL.iter().zip(0..).find(|((unit, _), _)| *unit == lattice.unit);
+    header[123] = unit.map_or(0, |(_, code)| code);
     let put = |writer: &mut dyn Write| {
         writer.write_all(&header)?;
         writer.write_all(&array.tuples.bytes)

@@ -66,13 +66,17 @@ fn header(lattice: &Lattice, array: &Array) -> String {
         1 => ["3", "", "", ""].map(str::to_owned),
         n => ["4".to_owned(), format!("{n} "), "none ".to_owned(), "vector ".to_owned()],
     };
+    let units = match lattice.unit.symbol() {
+        "" => String::new(),
+        unit => format!("space units: \"{unit}\" \"{unit}\" \"{unit}\"\n"),
+    };
     let vector = |v: DVec3| format!("({:?},{:?},{:?})", v.x, v.y, v.z);
     let [nx, ny, nz] = lattice.dims;
     let [x, y, z] = lattice.steps().map(vector);
     format!(
         "NRRD0005\ntype: {name}\ndimension: {rank}\n{space}\nsizes: {size}{nx} {ny} {nz}\n\
          space directions: {none}{x} {y} {z}\nkinds: {kind}domain domain domain\nendian: little\nencoding: gzip\n\
-         space origin: {}\n\n",
+         {units}space origin: {}\n\n",
         vector(lattice.origin)
     )
 }

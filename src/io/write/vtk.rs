@@ -71,10 +71,7 @@ pub(crate) fn write(path: &Path, data: DataFile, listed: bool) -> Result<Vec<Str
             rectilinear(lists)
         }
         Shape::Even(lattice) => {
-            if lattice.anatomy != Anatomy::Unknown {
-                let anatomy = format!("{:?}", lattice.anatomy).to_uppercase();
-                notes.push(format!("VTK's files do not say that the world axes are {anatomy}"));
-            }
+            notes.extend(unsaid(lattice));
             let extent = extent(lattice.dims.map(num::index));
             let set = format!(" WholeExtent=\"{extent}\" {}", placement(lattice));
             ("ImageData", set, format!("Extent=\"{extent}\""))
@@ -98,6 +95,20 @@ pub(crate) fn write(path: &Path, data: DataFile, listed: bool) -> Result<Vec<Str
     let piece = Piece { kind, set, piece, sections };
     replace(path, |writer| piece.write(writer))?;
     Ok(notes)
+}
+
+/// Returns a note on the meaning of the world axes, which VTK's files do not say.
+fn unsaid(lattice: &Lattice) -> Option<String> {
+    let anatomy = match lattice.anatomy {
+        Anatomy::Unknown => String::new(),
+        anatomy => format!(" {anatomy:?}").to_uppercase(),
+    };
+    let unit = match lattice.unit.symbol() {
+        "" => String::new(),
+        unit => format!(" in {unit}"),
+    };
+    let said = [anatomy, unit].concat();
+    (!said.is_empty()).then(|| format!("VTK's files do not say that the world axes are{said}"))
 }
 
 /// Returns the attributes that place a lattice.

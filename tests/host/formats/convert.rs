@@ -484,6 +484,27 @@ fn series_keep_stored_numbers_unless_they_are_computed() {
 }
 
 #[test]
+fn units_of_lengths_are_kept() {
+    let folder = Folder::new();
+    let head = "NRRD0004\ntype: uchar\ndimension: 3\nspace dimension: 3\nsizes: 2 2 2\nencoding: raw\n";
+    let axes = "space directions: (1,0,0) (0,1,0) (0,0,1)\n";
+    for (symbol, code) in [("mm", 2), ("um", 3), ("m", 1), ("furlong", 0)] {
+        let bytes = format!("{head}{axes}space units: \"{symbol}\" \"{symbol}\" \"{symbol}\"\n\n12345678");
+        let data = arrays_of(&Sample::one(symbol, "a.nrrd", bytes), &OPTIONS, true).unwrap().data;
+        let [nii, nrrd, vti] = ["out.nii", "out.nrrd", "out.vti"].map(|name| folder.path(name));
+        write_arrays(&nii, data).unwrap();
+        assert_eq!(std::fs::read(&nii).unwrap()[123], code, "{symbol}");
+        write_arrays(&nrrd, read_arrays(&nii, &OPTIONS, true).unwrap().data).unwrap();
+        let (header, _) = nrrd_at(&nrrd);
+        let line = format!("\nspace units: \"{symbol}\" \"{symbol}\" \"{symbol}\"\n");
+        assert_eq!(header.contains(&line), code != 0, "{header}");
+        let notes = write_arrays(&vti, read_arrays(&nrrd, &OPTIONS, true).unwrap().data).unwrap();
+        let unit = if code == 0 { String::new() } else { format!(" in {symbol}") };
+        assert_eq!(notes, [format!("VTK's files do not say that the world axes are RAS{unit}")]);
+    }
+}
+
+#[test]
 fn hidden_samples_are_kept_or_reported() {
     let text = "<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"LittleEndian\"><ImageData \
         WholeExtent=\"0 1 0 1 0 1\"><Piece Extent=\"0 1 0 1 0 1\"><PointData><DataArray type=\"Int32\" Name=\"a\" \

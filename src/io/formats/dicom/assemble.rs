@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
-use crate::io::build::data_file::Lattice;
+use crate::io::build::data_file::{Lattice, Unit};
 use crate::io::build::resample;
 use crate::io::build::volume::Chosen;
 use crate::io::file::decode::{self, Layout, Values};
@@ -60,7 +60,8 @@ pub(crate) fn assemble(
     // Values that are computed, or samples that are repeated, are those of a scene.
     let mut kept = None;
     if request.wanted != Wanted::Scene && same && line.heights.is_none() && !single {
-        let chosen = Chosen::new(source, "PixelData", layout, 1, request)?;
+        let mut chosen = Chosen::new(source, "PixelData", layout, 1, request)?;
+        chosen.unit = Unit::Millimetre;
         layout = chosen.layout;
         kept = Some(chosen);
     }

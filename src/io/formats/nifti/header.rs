@@ -23,6 +23,7 @@ pub(crate) struct Header {
     pub(crate) vox_offset: f32,
     pub(crate) scl_slope: f32,
     pub(crate) scl_inter: f32,
+    pub(crate) xyzt_units: u8,
     pub(crate) qform_code: i16,
     pub(crate) sform_code: i16,
     /// `quatern_b`, `quatern_c` and `quatern_d`, as 64-bit floats like the following ones.
@@ -83,6 +84,7 @@ impl Header {
             vox_offset: float(108),
             scl_slope: float(112),
             scl_inter: float(116),
+            xyzt_units: bytes[123],
             qform_code: short(252),
             sform_code: short(254),
             quatern: three(256),
