@@ -58,6 +58,7 @@ pub(crate) fn collect(
 ) -> Result<Values> {
     if pick == Pick::Whole {
         let mut tuples = Tuples::none(info.kind, info.components);
+        tuples.bytes.reserve_exact(count.saturating_mul(tuples.size));
         each(&mut |numbers| tuples.push(info.kind, numbers))?;
         return Ok(Values::Whole(tuples));
     }

@@ -165,7 +165,7 @@ fn keep(mut origin: Origin, dims: [u32; 3], places: Places) -> Result<Found> {
             }
         }
     }
-    let mut found = origin.keep(shape, counts, Vec::new())?;
+    let mut found = origin.keep(shape, counts)?;
     found.report.warnings.splice(0..0, warnings);
     Ok(found)
 }

@@ -41,7 +41,7 @@ impl Dataset {
     /// Keeps all cells and the requested arrays.
     fn keep(self, origin: Origin) -> Result<Found> {
         let counts = [self.points.len(), self.types.len()];
-        origin.keep(Shape::Cells(self), counts, Vec::new())
+        origin.keep(Shape::Cells(self), counts)
     }
 }
 

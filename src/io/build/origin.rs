@@ -63,7 +63,7 @@ impl Origin<'_, '_> {
     }
 
     /// Reads the requested arrays as they are in the file. `counts` are the numbers of points and of cells.
-    pub(crate) fn keep(self, shape: Shape, counts: [usize; 2], notes: Vec<String>) -> Result<Found> {
+    pub(crate) fn keep(self, shape: Shape, counts: [usize; 2]) -> Result<Found> {
         let &Request { options, wanted } = self.request;
         let mut kept = Vec::new();
         let mut warnings = Vec::new();
@@ -101,7 +101,7 @@ impl Origin<'_, '_> {
         }
         let mut found = Found::of_arrays(self.format, DataFile { shape, arrays: kept });
         found.report.arrays = self.arrays;
-        (found.report.notes, found.report.warnings) = (notes, warnings);
+        found.report.warnings = warnings;
         Ok(found)
     }
 

@@ -36,7 +36,7 @@ pub(crate) fn points(mut centres: Vec<DVec3>, origin: Origin) -> Result<Found> {
     if origin.is_kept() {
         let count = centres.len();
         origin.budget.take("points", num::wide(count).saturating_mul(9))?;
-        return origin.keep(Shape::Cells(Dataset::of_points(centres)), [count; 2], Vec::new());
+        return origin.keep(Shape::Cells(Dataset::of_points(centres)), [count; 2]);
     }
     origin.check_places(&centres)?;
     let finite = centres.iter().map(|centre| centre.is_finite()).collect();

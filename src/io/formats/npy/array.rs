@@ -303,6 +303,7 @@ impl Array<'_> {
         let mut numbers = self.numbers(skip);
         let mut all = Tuples::none(self.kind, 1);
         let size = all.size;
+        all.bytes.reserve_exact(count.saturating_mul(size));
         let width = if self.fortran { 1 } else { columns };
         for begin in (0..count).step_by(BLOCK) {
             let layout = Layout {
