@@ -62,8 +62,13 @@ impl Classes {
         (&self.knots[interval.saturating_sub(1)], &self.knots[interval.min(last)])
     }
 
+    /// Returns whether extinction is zero for all scalars of a range, which may be empty.
+    pub(super) fn is_vacuum(&self, [low, high]: [f64; 2]) -> bool {
+        low > high || self.are_vacuum(self.interval(low), self.interval(high))
+    }
+
     /// Returns whether extinction is zero in all of these intervals.
-    pub(super) fn is_vacuum(&self, first: usize, last: usize) -> bool {
+    fn are_vacuum(&self, first: usize, last: usize) -> bool {
         let from = first.saturating_sub(1);
         let to = (last + 1).min(self.knots.len());
         self.absorbing[to] == self.absorbing[from]
@@ -118,7 +123,7 @@ impl March {
     ) {
         let (start, end) = (polynomial::value(scalar, from), polynomial::value(scalar, to));
         let (first, last) = (classes.interval(start.min(end)), classes.interval(start.max(end)));
-        if classes.is_vacuum(first, last) {
+        if classes.are_vacuum(first, last) {
             return;
         }
         let rising = end > start;
@@ -423,7 +428,7 @@ mod tests {
         let row = |s: f64, tau: f64| [s, 0.0, 0.0, 0.0, tau];
         let rows = [row(0.0, 0.0), row(1.0, 0.0), row(2.0, 3.0), row(3.0, 0.0), row(3.0, 1.0)];
         let classes = Classes::new(&TransferFunction::from_rows(&rows).unwrap());
-        let vacuum = |a: f64, b: f64| classes.is_vacuum(classes.interval(a), classes.interval(b));
+        let vacuum = |a: f64, b: f64| classes.is_vacuum([a, b]);
         assert!(vacuum(-9.0, 0.9) && vacuum(0.5, 0.5) && vacuum(-2.0, -1.0));
         assert!(!vacuum(0.5, 1.0), "1 opens the interval that absorbs");
         assert!(!vacuum(2.5, 2.5) && !vacuum(-1.0, 9.0) && !vacuum(8.0, 9.0));

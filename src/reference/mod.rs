@@ -8,10 +8,12 @@
 //! This room uses `scene` and `image`, and shares no code with shaders or pre-integration tables. The choice
 //! of settings, the measures, the program and the tests use it.
 
+mod cells;
 mod cover;
 mod draw;
 mod grid;
 mod image;
+mod index_space;
 mod kernels;
 mod march;
 mod polynomial;
@@ -19,6 +21,7 @@ mod surfaces;
 mod tets;
 mod tree;
 mod view_ray;
+mod walk;
 
 pub use draw::{ReferenceOptions, depth, pieces, pixels, ray, render};
 pub use image::ReferenceImage;

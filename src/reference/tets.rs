@@ -120,7 +120,7 @@ impl<'a> TetRays<'a> {
         let Some(s) = self.scalars(cell, self.corners(cell)) else { return false };
         let low = s.into_iter().fold(f64::INFINITY, f64::min);
         let high = s.into_iter().fold(f64::NEG_INFINITY, f64::max);
-        !self.classes.is_vacuum(self.classes.interval(low), self.classes.interval(high))
+        !self.classes.is_vacuum([low, high])
     }
 
     /// Returns the points of a tetrahedron's corners in ascending order, so that two cells treat shared

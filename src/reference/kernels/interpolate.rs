@@ -85,8 +85,7 @@ impl<'a> Interpolate<'a> {
         let whole = through([a, b, c, d].map(scalar));
         let error = deviation(&whole, [ab, bc, cd].map(scalar));
         let [low, high] = extremes(&whole);
-        let interval = |s: f64| self.classes.interval(s);
-        if self.classes.is_vacuum(interval(low - 4.0 * error), interval(high + 4.0 * error)) {
+        if self.classes.is_vacuum([low - 4.0 * error, high + 4.0 * error]) {
             return;
         }
         let rough = error > self.tolerance && bisections > 0;
@@ -143,8 +142,7 @@ impl Medium for Interpolate<'_> {
                 (low, high) = (low.min(weighted / weight), high.max(weighted / weight));
             }
         }
-        let interval = |s: f64| self.classes.interval(s);
-        low > high || self.classes.is_vacuum(interval(low - self.tolerance), interval(high + self.tolerance))
+        self.classes.is_vacuum([low - self.tolerance, high + self.tolerance])
     }
 
     fn is_opaque(&self) -> bool {

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::num;
 use crate::scene::{Grid, Kernel, Kernels, Model};
 
-use super::super::grid::{IndexRay, IndexSpace};
+use super::super::index_space::{IndexRay, IndexSpace};
 use super::hits::{self, Hit, Shape};
 use super::values::{Medium, Sums, Values};
 

@@ -1,0 +1,172 @@
+//! The cells of a regular grid: their corners, the interpolant between these, and blocks of cells with the
+//! range of their samples.
+
+use std::sync::OnceLock;
+
+use glam::DVec3;
+
+use crate::num;
+use crate::scene::{Grid, Samples};
+
+use super::march::finite;
+use super::polynomial::Cubic;
+
+/// Samples are clamped to this magnitude, so that their differences and products do not overflow. Only a
+/// rescale can exceed it; no stored type does.
+const MAX_SAMPLE: f64 = 1e100;
+
+/// Cells along each side of a block.
+pub(super) const BLOCK: u32 = 8;
+
+/// The cells of a grid.
+#[derive(Debug)]
+pub(super) struct Cells<'a> {
+    grid: &'a Grid,
+    /// Scalars that stand for -Inf and +Inf.
+    ends: [f64; 2],
+    /// Position of the last sample.
+    last: DVec3,
+    /// Number of blocks along each axis.
+    counts: [usize; 3],
+    /// Least and greatest sample of each block, x fastest, found when a ray first comes to it.
+    ranges: Vec<OnceLock<[f64; 2]>>,
+}
+
+impl<'a> Cells<'a> {
+    pub(super) fn new(grid: &'a Grid, ends: [f64; 2]) -> Self {
+        let counts = grid.dims().map(|extent| num::index((extent - 1).div_ceil(BLOCK)));
+        let ranges = std::iter::repeat_with(OnceLock::new).take(counts.into_iter().product()).collect();
+        Self { grid, ends, last: grid.last_index(), counts, ranges }
+    }
+
+    /// Returns the number of samples along each axis.
+    pub(super) fn dims(&self) -> [u32; 3] {
+        self.grid.dims()
+    }
+
+    /// Returns the samples at the corners of a cell. Bits number them: 1 is x, 2 is y, 4 is z.
+    pub(super) fn corners(&self, cell: [u32; 3]) -> [f64; 8] {
+        fn gather<T: Copy>(samples: &[T], first: usize, [row, plane]: [usize; 2]) -> [T; 8] {
+            let pair = |first: usize| [samples[first], samples[first + 1]];
+            let ([a, b], [c, d]) = (pair(first), pair(first + row));
+            let ([e, f], [g, h]) = (pair(first + plane), pair(first + plane + row));
+            [a, b, c, d, e, f, g, h]
+        }
+        let (first, strides) = (self.index(cell), self.strides());
+        match self.grid.samples() {
+            Samples::U8(samples) => gather(samples, first, strides).map(|s| self.scalar_of(s.into())),
+            Samples::U16(samples) => gather(samples, first, strides).map(|s| self.scalar_of(s.into())),
+            Samples::I16(samples) => gather(samples, first, strides).map(|s| self.scalar_of(s.into())),
+            Samples::F32(samples) => gather(samples, first, strides).map(|s| self.scalar_of(s.into())),
+        }
+    }
+
+    /// Returns the least and the greatest sample of the block that holds a cell, NaN apart. A block of NaN has
+    /// an empty range.
+    pub(super) fn range(&self, cell: [u32; 3]) -> [f64; 2] {
+        let [x, y, z] = cell.map(|place| num::index(place / BLOCK));
+        *self.ranges[(z * self.counts[1] + y) * self.counts[0] + x].get_or_init(|| {
+            let low = cell.map(|place| place - place % BLOCK);
+            let high = [0, 1, 2].map(|axis| (low[axis] + BLOCK + 1).min(self.dims()[axis]));
+            let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+            for z in low[2]..high[2] {
+                for y in low[1]..high[1] {
+                    for i in self.index([low[0], y, z])..self.index([high[0], y, z]) {
+                        // `min` and `max` pass over NaN.
+                        let s = self.scalar_of(self.grid.samples().get(i));
+                        range = [range[0].min(s), range[1].max(s)];
+                    }
+                }
+            }
+            range
+        })
+    }
+
+    /// Returns the cell that holds a position, and the position in it; beyond the grid those of the nearest place.
+    pub(super) fn place(&self, position: DVec3) -> (DVec3, DVec3) {
+        let place = self.clamp(position);
+        let cell = place.floor().min(self.last - 1.0).max(DVec3::ZERO);
+        (cell, place - cell)
+    }
+
+    /// Returns the nearest position in the grid.
+    pub(super) fn clamp(&self, position: DVec3) -> DVec3 {
+        position.clamp(DVec3::ZERO, self.last)
+    }
+
+    /// Returns the interpolant of the cell with this lowest corner.
+    pub(super) fn interpolant(&self, cell: DVec3) -> Trilinear {
+        Trilinear::new(&self.corners(cell.to_array().map(num::u32_of)))
+    }
+
+    fn strides(&self) -> [usize; 2] {
+        let [nx, ny, _] = self.dims().map(num::index);
+        [nx, nx * ny]
+    }
+
+    fn index(&self, [x, y, z]: [u32; 3]) -> usize {
+        let [row, plane] = self.strides();
+        num::index(z) * plane + num::index(y) * row + num::index(x)
+    }
+
+    /// Returns the scalar of a stored number. NaN stays and means vacuum; infinities become the ends of the
+    /// transfer function.
+    fn scalar_of(&self, stored: f64) -> f64 {
+        let rescale = self.grid.rescale();
+        let value = rescale.slope * stored + rescale.intercept;
+        if value.abs() <= MAX_SAMPLE {
+            value
+        } else if value.is_infinite() {
+            finite(value, self.ends)
+        } else {
+            value.clamp(-MAX_SAMPLE, MAX_SAMPLE)
+        }
+    }
+}
+
+/// The trilinear interpolant of a cell's corners: the first corner, and differences along one, two and three
+/// axes.
+///
+/// Where corners are equal, their differences are exactly zero.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Trilinear {
+    first: f64,
+    x: f64,
+    y: f64,
+    z: f64,
+    xy: f64,
+    xz: f64,
+    yz: f64,
+    xyz: f64,
+}
+
+impl Trilinear {
+    /// Takes the corners; bits number them: 1 is x, 2 is y, 4 is z.
+    pub(super) fn new(v: &[f64; 8]) -> Self {
+        let (x, y, z) = (v[1] - v[0], v[2] - v[0], v[4] - v[0]);
+        let xy = (v[3] - v[2]) - x;
+        let xz = (v[5] - v[4]) - x;
+        let yz = (v[6] - v[4]) - y;
+        let xyz = ((v[7] - v[6]) - (v[5] - v[4])) - xy;
+        Self { first: v[0], x, y, z, xy, xz, yz, xyz }
+    }
+
+    /// Returns the value at a position in the cell.
+    pub(super) fn at(&self, at: DVec3) -> f64 {
+        let Self { first, x, y, z, xy, xz, yz, xyz } = *self;
+        first + at.x * x + at.y * (y + at.x * xy) + at.z * (z + at.x * xz + at.y * (yz + at.x * xyz))
+    }
+
+    /// Returns the values along a line, as a cubic of its parameter.
+    pub(super) fn along(&self, at: DVec3, d: DVec3) -> Cubic {
+        let Self { x, y, z, xy, xz, yz, xyz, .. } = *self;
+        [
+            self.at(at),
+            d.x * (x + at.y * xy + at.z * (xz + at.y * xyz))
+                + d.y * (y + at.x * xy + at.z * (yz + at.x * xyz))
+                + d.z * (z + at.x * xz + at.y * (yz + at.x * xyz)),
+            d.x * d.y * (xy + at.z * xyz) + d.x * d.z * (xz + at.y * xyz) + d.y * d.z * (yz + at.x * xyz),
+            d.x * d.y * d.z * xyz,
+        ]
+    }
+}
