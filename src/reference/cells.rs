@@ -54,10 +54,10 @@ impl<'a> Cells<'a> {
         }
         let (first, strides) = (self.index(cell), self.strides());
         match self.grid.samples() {
-            Samples::U8(samples) => gather(samples, first, strides).map(|s| self.scalar_of(s.into())),
-            Samples::U16(samples) => gather(samples, first, strides).map(|s| self.scalar_of(s.into())),
-            Samples::I16(samples) => gather(samples, first, strides).map(|s| self.scalar_of(s.into())),
-            Samples::F32(samples) => gather(samples, first, strides).map(|s| self.scalar_of(s.into())),
+            Samples::U8(samples) => self.scalars_of(gather(samples, first, strides)),
+            Samples::U16(samples) => self.scalars_of(gather(samples, first, strides)),
+            Samples::I16(samples) => self.scalars_of(gather(samples, first, strides)),
+            Samples::F32(samples) => self.scalars_of(gather(samples, first, strides)),
         }
     }
 
@@ -71,10 +71,12 @@ impl<'a> Cells<'a> {
             let mut range = [f64::INFINITY, f64::NEG_INFINITY];
             for z in low[2]..high[2] {
                 for y in low[1]..high[1] {
-                    for i in self.index([low[0], y, z])..self.index([high[0], y, z]) {
-                        // `min` and `max` pass over NaN.
-                        let s = self.scalar_of(self.grid.samples().get(i));
-                        range = [range[0].min(s), range[1].max(s)];
+                    let row = self.index([low[0], y, z])..self.index([high[0], y, z]);
+                    match self.grid.samples() {
+                        Samples::U8(samples) => self.extend(&mut range, &samples[row]),
+                        Samples::U16(samples) => self.extend(&mut range, &samples[row]),
+                        Samples::I16(samples) => self.extend(&mut range, &samples[row]),
+                        Samples::F32(samples) => self.extend(&mut range, &samples[row]),
                     }
                 }
             }
@@ -109,18 +111,31 @@ impl<'a> Cells<'a> {
         num::index(z) * plane + num::index(y) * row + num::index(x)
     }
 
-    /// Returns the scalar of a stored number. NaN stays and means vacuum; infinities become the ends of the
-    /// transfer function.
-    fn scalar_of(&self, stored: f64) -> f64 {
-        let rescale = self.grid.rescale();
-        let value = rescale.slope * stored + rescale.intercept;
-        if value.abs() <= MAX_SAMPLE {
-            value
-        } else if value.is_infinite() {
-            finite(value, self.ends)
-        } else {
-            value.clamp(-MAX_SAMPLE, MAX_SAMPLE)
+    /// Extends a range by stored numbers, NaN apart.
+    fn extend<T: Into<f64> + Copy>(&self, [low, high]: &mut [f64; 2], stored: &[T]) {
+        for stored in stored {
+            let [scalar] = self.scalars_of([*stored]);
+            (*low, *high) =
+                (if scalar < *low { scalar } else { *low }, if scalar > *high { scalar } else { *high });
         }
+    }
+
+    /// Returns the scalars of stored numbers. NaN stays and means vacuum; infinities become the ends of the
+    /// transfer function.
+    fn scalars_of<T: Into<f64> + Copy, const N: usize>(&self, stored: [T; N]) -> [f64; N] {
+        let rescale = self.grid.rescale();
+        let mut scalars = [0.0; N];
+        for (scalar, stored) in scalars.iter_mut().zip(stored) {
+            *scalar = rescale.slope * stored.into() + rescale.intercept;
+        }
+        if !scalars.iter().all(|scalar| scalar.abs() <= MAX_SAMPLE) {
+            for scalar in &mut scalars {
+                let infinite = scalar.is_infinite();
+                *scalar =
+                    if infinite { finite(*scalar, self.ends) } else { scalar.clamp(-MAX_SAMPLE, MAX_SAMPLE) };
+            }
+        }
+        scalars
     }
 }
 

@@ -2,14 +2,14 @@
 
 use crate::scene::{Knot, TransferFunction};
 
-use super::polynomial::{self, Cubic, Node, gauss_legendre};
+use super::polynomial::{self, Cubic, gauss_legendre};
 
 /// Optical depth at which a ray ends: the transmittance is below exp(-60) < 1e-26.
 const OPAQUE: f64 = 60.0;
 
-/// Largest optical depth of a panel, and the number of points that integrate a piece of that depth to 1e-12
-/// of the panel's own emission; ascending.
-const PANELS: [(f64, usize); 3] = [(0.002, 8), (0.05, 10), (1.0, 14)];
+/// Largest optical depths of panels that are integrated by 8, 10 and 14 points, to 1e-12 of the panel's own
+/// emission.
+const PANELS: [f64; 3] = [0.002, 0.05, 1.0];
 
 /// Extinctions are clamped to this, so that the polynomials do not overflow; a ray is opaque long before.
 const MAX_TAU: f64 = 1e150;
@@ -31,9 +31,58 @@ pub(super) type Shade<'a> = &'a dyn Fn(f64) -> [f64; 2];
 #[derive(Debug)]
 pub(super) struct Classes {
     knots: Vec<Knot>,
+    /// The bounds of the intervals: the scalars of the knots between -Inf and +Inf.
+    bounds: Vec<f64>,
     /// Entry i counts the knots among the first i whose extinction is positive.
     absorbing: Vec<usize>,
-    rules: Vec<(f64, Vec<Node>)>,
+    /// The ranges of scalars without extinction: each from its lower end to below its upper end.
+    vacuum: Vec<[f64; 2]>,
+    rules: Rules,
+}
+
+/// The quadrature rules of panels.
+#[derive(Debug)]
+struct Rules {
+    few: Rule<8>,
+    more: Rule<10>,
+    most: Rule<14>,
+}
+
+/// A quadrature rule.
+#[derive(Debug)]
+struct Rule<const N: usize> {
+    places: [f64; N],
+    weights: [f64; N],
+}
+
+impl<const N: usize> Rule<N> {
+    fn new() -> Self {
+        let nodes = gauss_legendre(N);
+        Self {
+            places: std::array::from_fn(|i| nodes[i].x),
+            weights: std::array::from_fn(|i| nodes[i].weight),
+        }
+    }
+
+    /// Integrates the emission of a panel, times the distance of its place from 1 and from 0. `extinction` is
+    /// optical depth per unit of the parameter.
+    fn moments(&self, extinction: &Cubic, place: &Cubic) -> [f64; 2] {
+        // The compiler vectorises loops of known length without calls.
+        let (mut absorbed, mut moments) = ([0.0; N], [[0.0; 2]; N]);
+        for (absorbed, &x) in absorbed.iter_mut().zip(&self.places) {
+            *absorbed = -polynomial::integral(extinction, x);
+        }
+        for absorbed in &mut absorbed {
+            *absorbed = absorbed.exp();
+        }
+        let nodes = self.places.iter().zip(&self.weights).zip(&absorbed);
+        for (moments, ((&x, weight), absorbed)) in moments.iter_mut().zip(nodes) {
+            let emitted = weight * polynomial::value(extinction, x) * absorbed;
+            let p = polynomial::value(place, x);
+            *moments = [emitted * (1.0 - p), emitted * p];
+        }
+        moments.iter().fold([0.0; 2], |sum, moments| [sum[0] + moments[0], sum[1] + moments[1]])
+    }
 }
 
 impl Classes {
@@ -47,13 +96,31 @@ impl Classes {
             count += usize::from(knot.tau > 0.0);
             absorbing.push(count);
         }
-        let rules = PANELS.iter().map(|&(depth, points)| (depth, gauss_legendre(points))).collect();
-        Self { knots, absorbing, rules }
+        let rules = Rules { few: Rule::new(), more: Rule::new(), most: Rule::new() };
+        let scalars = knots.iter().map(|knot| knot.s);
+        let bounds = [f64::NEG_INFINITY].into_iter().chain(scalars).chain([f64::INFINITY]).collect();
+        let mut classes = Self { knots, bounds, absorbing, vacuum: Vec::new(), rules };
+        let empty = |interval: &usize| classes.are_vacuum(*interval, *interval);
+        let mut vacuum: Vec<[f64; 2]> = Vec::new();
+        for interval in (0..=classes.knots.len()).filter(empty) {
+            let range = [classes.bounds[interval], classes.bounds[interval + 1]];
+            match vacuum.last_mut() {
+                Some(last) if interval > 0 && empty(&(interval - 1)) => last[1] = range[1],
+                _ => vacuum.push(range),
+            }
+        }
+        classes.vacuum = vacuum;
+        classes
     }
 
     /// Returns the interval between knots that holds a scalar: the number of knots at or below it.
     pub(super) fn interval(&self, s: f64) -> usize {
-        self.knots.partition_point(|knot| knot.s <= s)
+        self.bounds[1..=self.knots.len()].partition_point(|&knot| knot <= s)
+    }
+
+    /// Returns the interval that holds a scalar, at once if it is the one given.
+    fn interval_near(&self, near: usize, s: f64) -> usize {
+        if self.bounds[near] <= s && s < self.bounds[near + 1] { near } else { self.interval(s) }
     }
 
     /// Returns the knots that bound an interval; beyond the ends, both are the end knot.
@@ -62,13 +129,13 @@ impl Classes {
         (&self.knots[interval.saturating_sub(1)], &self.knots[interval.min(last)])
     }
 
-    /// Returns whether extinction is zero for all scalars of a range, which may be empty.
+    /// Returns whether extinction is zero for all scalars of a range.
     pub(super) fn is_vacuum(&self, [low, high]: [f64; 2]) -> bool {
-        low > high || self.are_vacuum(self.interval(low), self.interval(high))
+        self.vacuum.iter().any(|&[from, to]| from <= low && high < to)
     }
 
     /// Returns whether extinction is zero in all of these intervals.
-    fn are_vacuum(&self, first: usize, last: usize) -> bool {
+    pub(super) fn are_vacuum(&self, first: usize, last: usize) -> bool {
         let from = first.saturating_sub(1);
         let to = (last + 1).min(self.knots.len());
         self.absorbing[to] == self.absorbing[from]
@@ -80,6 +147,8 @@ impl Classes {
 pub(super) struct March {
     pub(super) depth: f64,
     pub(super) colour: [f64; 3],
+    /// The interval of a scalar that was met last.
+    near: usize,
 }
 
 impl March {
@@ -106,10 +175,12 @@ impl March {
     ) {
         // Between turning points the scalar is monotone and crosses each knot at most once.
         let mut from = 0.0;
-        let turns = polynomial::turning_points(scalar);
-        for to in turns.into_iter().filter(|x| !x.is_nan()).chain([1.0]) {
-            self.add_monotone(classes, scalar, length, [from, to], shade);
-            from = to;
+        let [first, second] = polynomial::turning_points(scalar);
+        for to in [first, second, 1.0] {
+            if !to.is_nan() {
+                self.add_monotone(classes, scalar, length, [from, to], shade);
+                from = to;
+            }
         }
     }
 
@@ -122,7 +193,9 @@ impl March {
         shade: Option<Shade<'_>>,
     ) {
         let (start, end) = (polynomial::value(scalar, from), polynomial::value(scalar, to));
-        let (first, last) = (classes.interval(start.min(end)), classes.interval(start.max(end)));
+        let first = classes.interval_near(self.near, start.min(end));
+        let last = classes.interval_near(first, start.max(end));
+        self.near = last;
         if classes.are_vacuum(first, last) {
             return;
         }
@@ -161,7 +234,8 @@ impl March {
             return;
         }
         let middle = polynomial::value(scalar, from + 0.5 * width);
-        let (a, b) = classes.ends(classes.interval(middle));
+        self.near = classes.interval_near(self.near, middle);
+        let (a, b) = classes.ends(self.near);
         if a.tau == 0.0 && b.tau == 0.0 {
             return;
         }
@@ -191,7 +265,7 @@ impl March {
     /// The optical depth along the piece is then a quartic in closed form, and so is the emission where the
     /// colour is constant. Otherwise panels of bounded optical depth are integrated by Gauss-Legendre
     /// quadrature.
-    fn add_linear(&mut self, rules: &[(f64, Vec<Node>)], place: &Cubic, length: f64, a: &Knot, b: &Knot) {
+    fn add_linear(&mut self, rules: &Rules, place: &Cubic, length: f64, a: &Knot, b: &Knot) {
         let mut extinction = place.map(|c| (b.tau - a.tau) * c * length);
         extinction[0] += a.tau * length;
         let total = polynomial::integral(&extinction, 1.0).max(0.0);
@@ -207,7 +281,7 @@ impl March {
             self.depth += total;
             return;
         }
-        let Some(limit) = rules.last().map(|rule| rule.0) else { return };
+        let [.., limit] = PANELS;
         let (mut extinction, mut place) = (extinction, *place);
         loop {
             let rest = polynomial::integral(&extinction, 1.0).max(0.0);
@@ -244,15 +318,8 @@ impl March {
 
     /// Adds a piece as [`Self::add_linear`] does, with its colour lit: panels are halved until their emission is exact to
     /// 1e-11, because light has kinks where it grazes a surface.
-    fn add_lit(
-        &mut self,
-        rules: &[(f64, Vec<Node>)],
-        place: &Cubic,
-        length: f64,
-        [a, b]: [&Knot; 2],
-        shade: Shade<'_>,
-    ) {
-        let Some((limit, rule)) = rules.last() else { return };
+    fn add_lit(&mut self, rules: &Rules, place: &Cubic, length: f64, [a, b]: [&Knot; 2], shade: Shade<'_>) {
+        let [.., limit] = PANELS;
         let mut extinction = place.map(|c| (b.tau - a.tau) * c * length);
         extinction[0] += a.tau * length;
         let colour = |u: f64| {
@@ -260,11 +327,11 @@ impl March {
             let emitted = a.colour + (b.colour - a.colour) * polynomial::value(place, u);
             (emitted * seen + white).to_array()
         };
-        let glow = Glow { rule, extinction: &extinction, colour: &colour };
+        let glow = Glow { rule: &rules.most, extinction: &extinction, colour: &colour };
         let mut from = 0.0;
         while from < 1.0 && !self.is_opaque() {
             let mut width = 1.0 - from;
-            while glow.depth(from, width) > *limit {
+            while glow.depth(from, width) > limit {
                 width *= 0.5;
             }
             let emitted = glow.refined(from, width, glow.emission(from, width), 40);
@@ -280,23 +347,19 @@ impl March {
     /// Adds one panel. `extinction` is optical depth per unit of the parameter, `total` its integral.
     fn add_panel(
         &mut self,
-        rules: &[(f64, Vec<Node>)],
+        rules: &Rules,
         extinction: &Cubic,
         place: &Cubic,
         total: f64,
         a: &Knot,
         b: &Knot,
     ) {
-        let Some((_, rule)) = rules.iter().find(|rule| total <= rule.0).or(rules.last()) else { return };
         // The colour is a.colour (1 - place) + b.colour place, so two moments serve all channels.
-        let (mut near, mut far) = (0.0, 0.0);
-        for node in rule {
-            let absorbed = (-(polynomial::integral(extinction, node.x))).exp();
-            let emitted = node.weight * polynomial::value(extinction, node.x) * absorbed;
-            let p = polynomial::value(place, node.x);
-            near += emitted * (1.0 - p);
-            far += emitted * p;
-        }
+        let [near, far] = match PANELS {
+            [few, ..] if total <= few => rules.few.moments(extinction, place),
+            [_, more, _] if total <= more => rules.more.moments(extinction, place),
+            _ => rules.most.moments(extinction, place),
+        };
         let transmittance = (-self.depth).exp();
         for ((sum, c), d) in self.colour.iter_mut().zip(a.colour.to_array()).zip(b.colour.to_array()) {
             *sum += transmittance * (c * near + d * far);
@@ -307,7 +370,7 @@ impl March {
 
 /// A lit piece: optical depth per unit of its parameter, and its colour.
 struct Glow<'a> {
-    rule: &'a [Node],
+    rule: &'a Rule<14>,
     extinction: &'a Cubic,
     colour: &'a dyn Fn(f64) -> [f64; 3],
 }
@@ -322,10 +385,10 @@ impl Glow<'_> {
     fn emission(&self, from: f64, width: f64) -> [f64; 3] {
         let part = polynomial::part(self.extinction, from, width).map(|c| c * width);
         let mut sum = [0.0; 3];
-        for node in self.rule {
-            let absorbed = (-polynomial::integral(&part, node.x)).exp();
-            let emitted = node.weight * polynomial::value(&part, node.x) * absorbed;
-            for (sum, colour) in sum.iter_mut().zip((self.colour)(from + node.x * width)) {
+        for (&x, weight) in self.rule.places.iter().zip(&self.rule.weights) {
+            let absorbed = (-polynomial::integral(&part, x)).exp();
+            let emitted = weight * polynomial::value(&part, x) * absorbed;
+            for (sum, colour) in sum.iter_mut().zip((self.colour)(from + x * width)) {
                 *sum += emitted * colour;
             }
         }
@@ -380,7 +443,7 @@ mod tests {
     fn one_panel_equals_many() {
         let transfer = TransferFunction::from_rows(&[[0.0; 5]]).unwrap();
         let rules = Classes::new(&transfer).rules;
-        for &(limit, points) in &PANELS {
+        for limit in PANELS {
             let mut worst = 0.0_f64;
             for place in monotone_cubics() {
                 for (near, far) in [(0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (0.2, 1.0)] {
@@ -403,11 +466,11 @@ mod tests {
                     for (one, many) in one.colour.iter().zip(many.colour) {
                         let error = (one - many).abs() / limit;
                         worst = worst.max(error);
-                        assert!(error < 1e-12, "{points} points, {place:?}, {near} to {far}: {error:e}");
+                        assert!(error < 1e-12, "depth {limit}, {place:?}, {near} to {far}: {error:e}");
                     }
                 }
             }
-            println!("{points} points, depth {limit}: {worst:e}");
+            println!("depth {limit}: {worst:e}");
         }
     }
 

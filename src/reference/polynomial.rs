@@ -38,7 +38,8 @@ pub(super) fn part(c: &Cubic, start: f64, width: f64) -> Cubic {
 /// Uses the form of the quadratic formula that never subtracts nearly equal numbers.
 pub(super) fn turning_points(c: &Cubic) -> [f64; 2] {
     let scale = c[1].abs().max(c[2].abs()).max(c[3].abs());
-    if scale == 0.0 {
+    // Where the constant of the slope outweighs the rest, its zeros lie outside, also after rounding.
+    if scale == 0.0 || 2.0 * c[2].abs() + 3.0 * c[3].abs() < 0.999 * c[1].abs() {
         return [f64::NAN; 2];
     }
     // a x^2 + 2 h x + b = 0, scaled so that the squares cannot overflow.
@@ -49,9 +50,12 @@ pub(super) fn turning_points(c: &Cubic) -> [f64; 2] {
         return [f64::NAN; 2];
     }
     let q = -(h + discriminant.sqrt().copysign(h));
-    // Divisions by zero give infinities or NaN, which lie outside the interval.
-    let inside = |x: f64| if x > 0.0 && x < 1.0 { x } else { f64::NAN };
-    let (first, second) = (inside(q / a), inside(b / q));
+    // Divides only where the quotient may be inside.
+    let inside = |a: f64, b: f64| {
+        let x = if a.abs() < b.abs() { a / b } else { f64::NAN };
+        if x > 0.0 { x } else { f64::NAN }
+    };
+    let (first, second) = (inside(q, a), inside(b, q));
     if first > second || first.is_nan() { [second, first] } else { [first, second] }
 }
 

@@ -85,7 +85,8 @@ impl<'a> Interpolate<'a> {
         let whole = through([a, b, c, d].map(scalar));
         let error = deviation(&whole, [ab, bc, cd].map(scalar));
         let [low, high] = extremes(&whole);
-        if self.classes.is_vacuum([low - 4.0 * error, high + 4.0 * error]) {
+        let interval = |s: f64| self.classes.interval(s);
+        if self.classes.are_vacuum(interval(low - 4.0 * error), interval(high + 4.0 * error)) {
             return;
         }
         let rough = error > self.tolerance && bisections > 0;
@@ -142,7 +143,7 @@ impl Medium for Interpolate<'_> {
                 (low, high) = (low.min(weighted / weight), high.max(weighted / weight));
             }
         }
-        self.classes.is_vacuum([low - self.tolerance, high + self.tolerance])
+        low > high || self.classes.is_vacuum([low - self.tolerance, high + self.tolerance])
     }
 
     fn is_opaque(&self) -> bool {
