@@ -234,7 +234,8 @@ pub fn pieces(scene: &Scene, origin: DVec3, direction: DVec3, t_range: [f64; 2])
         return Err(Error::invalid("reference", format!("the scene holds a {}{drawn}", scene.data.kind())));
     };
     let ray = rays.ray(origin, direction, t_range);
-    let mut pieces: Vec<Piece> = rays.all().filter_map(|cell| rays.piece(cell, &ray)).collect();
+    let cells = rays.all().filter_map(|cell| rays.cell(cell));
+    let mut pieces: Vec<Piece> = cells.filter_map(|cell| cell.piece(&ray)).collect();
     tets::sort(&mut pieces);
     for piece in &mut pieces {
         piece.t = piece.t.map(|t| t + ray.nearest);

@@ -42,7 +42,8 @@ impl<'a> GridRays<'a> {
         } else {
             None
         };
-        let mut march = March::default();
+        let most = light.as_ref().map_or(self.classes.most, |light| light.most(self.classes.most));
+        let mut march = March::new(most.to_array());
         let empty = |[low, high]: [f64; 2]| low > high || self.classes.is_vacuum([low, high]);
         while let Some(Segment { cell, t: [from, to] }) = walk.next(empty) {
             let v = self.cells.corners(cell);
@@ -170,6 +171,12 @@ impl Light {
             half_way: (to_light - direction).normalize_or_zero(),
             least: lighting.least_gradient_of(grid),
         }
+    }
+
+    /// Returns the bounds of lit colours.
+    fn most(&self, colours: DVec3) -> DVec3 {
+        let Lighting { ambient, diffuse, specular, .. } = self.lighting;
+        colours * (ambient + diffuse).max(1.0) + specular
     }
 
     /// Returns the factor of the colour, and the highlight, for a gradient in scalars per voxel.

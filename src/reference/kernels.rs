@@ -19,7 +19,7 @@ mod values;
 use glam::DVec3;
 
 use crate::error::Result;
-use crate::scene::{Data, Kernels, Model, Points, Scene};
+use crate::scene::{Data, Kernel, Kernels, Model, Points, Scene};
 
 use super::march::Classes;
 use density::{Density, Rule};
@@ -32,6 +32,7 @@ use values::{Medium, Values};
 pub(super) struct KernelRays {
     source: Source,
     model: Model,
+    is_sinc: bool,
     classes: Classes,
     rules: Vec<Rule>,
     least: f64,
@@ -60,6 +61,7 @@ impl KernelRays {
         Ok(Self {
             source,
             model: kernels.model,
+            is_sinc: kernels.kernel == Kernel::Sinc,
             classes: Classes::new(&scene.transfer),
             rules: Rule::all(),
             least: kernels.least,
@@ -70,12 +72,17 @@ impl KernelRays {
     /// Integrates one ray. `direction` has unit length, so the parameter is a world length.
     pub(super) fn trace(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 4] {
         match self.model {
-            Model::Density => self.walk(origin, direction, range, Density::new(&self.rules)),
+            Model::Density => self.walk(origin, direction, range, Density::new(&self.rules, self.most())),
             Model::Interpolate => {
                 let medium = Interpolate::new(&self.classes, self.least, self.range);
                 self.walk(origin, direction, range, medium)
             }
         }
+    }
+
+    /// Returns the bounds of the colours of sums of densities; where weights are negative there are none.
+    fn most(&self) -> [f64; 3] {
+        if self.is_sinc { [f64::INFINITY; 3] } else { self.classes.most.to_array() }
     }
 
     fn walk(&self, origin: DVec3, direction: DVec3, range: [f64; 2], mut medium: impl Medium) -> [f64; 4] {

@@ -1,11 +1,19 @@
 //! Emission and absorption along pieces of a ray on which the transfer function is linear.
 
+use glam::DVec3;
+
 use crate::scene::{Knot, TransferFunction};
 
 use super::polynomial::{self, Cubic, gauss_legendre};
 
 /// Optical depth at which a ray ends: the transmittance is below exp(-60) < 1e-26.
 const OPAQUE: f64 = 60.0;
+
+/// Optical depth from which on the opacity is exactly 1.
+const SETTLED: f64 = 40.0;
+
+/// Share of a number that changes none of its bits when it is added: 2^-54, and less for the rounding of both.
+const UNSEEN: f64 = f64::EPSILON / 64.0;
 
 /// Largest optical depths of panels that are integrated by 8, 10 and 14 points, to 1e-12 of the panel's own
 /// emission.
@@ -37,6 +45,8 @@ pub(super) struct Classes {
     absorbing: Vec<usize>,
     /// The ranges of scalars without extinction: each from its lower end to below its upper end.
     vacuum: Vec<[f64; 2]>,
+    /// The greatest of each channel of the colours.
+    pub(super) most: DVec3,
     rules: Rules,
 }
 
@@ -67,21 +77,28 @@ impl<const N: usize> Rule<N> {
     /// Integrates the emission of a panel, times the distance of its place from 1 and from 0. `extinction` is
     /// optical depth per unit of the parameter.
     fn moments(&self, extinction: &Cubic, place: &Cubic) -> [f64; 2] {
-        // The compiler vectorises loops of known length without calls.
-        let (mut absorbed, mut moments) = ([0.0; N], [[0.0; 2]; N]);
-        for (absorbed, &x) in absorbed.iter_mut().zip(&self.places) {
-            *absorbed = -polynomial::integral(extinction, x);
+        let depths = self.at_nodes(|x| polynomial::integral(extinction, x));
+        let extinctions = self.at_nodes(|x| polynomial::value(extinction, x));
+        let places = self.at_nodes(|x| polynomial::value(place, x));
+        let mut moments = [0.0; 2];
+        for i in 0..N {
+            let emitted = self.weights[i] * extinctions[i] * (-depths[i]).exp();
+            moments[0] += emitted * (1.0 - places[i]);
+            moments[1] += emitted * places[i];
         }
-        for absorbed in &mut absorbed {
-            *absorbed = absorbed.exp();
+        moments
+    }
+
+    /// Returns a function's values at the nodes.
+    ///
+    /// Not inlined: among calls of `exp` the compiler does not vectorise the loop.
+    #[inline(never)]
+    fn at_nodes(&self, f: impl Fn(f64) -> f64) -> [f64; N] {
+        let mut values = [0.0; N];
+        for (value, &x) in values.iter_mut().zip(&self.places) {
+            *value = f(x);
         }
-        let nodes = self.places.iter().zip(&self.weights).zip(&absorbed);
-        for (moments, ((&x, weight), absorbed)) in moments.iter_mut().zip(nodes) {
-            let emitted = weight * polynomial::value(extinction, x) * absorbed;
-            let p = polynomial::value(place, x);
-            *moments = [emitted * (1.0 - p), emitted * p];
-        }
-        moments.iter().fold([0.0; 2], |sum, moments| [sum[0] + moments[0], sum[1] + moments[1]])
+        values
     }
 }
 
@@ -99,7 +116,8 @@ impl Classes {
         let rules = Rules { few: Rule::new(), more: Rule::new(), most: Rule::new() };
         let scalars = knots.iter().map(|knot| knot.s);
         let bounds = [f64::NEG_INFINITY].into_iter().chain(scalars).chain([f64::INFINITY]).collect();
-        let mut classes = Self { knots, bounds, absorbing, vacuum: Vec::new(), rules };
+        let most = knots.iter().fold(DVec3::ZERO, |most, knot| most.max(knot.colour));
+        let mut classes = Self { knots, bounds, absorbing, vacuum: Vec::new(), most, rules };
         let empty = |interval: &usize| classes.are_vacuum(*interval, *interval);
         let mut vacuum: Vec<[f64; 2]> = Vec::new();
         for interval in (0..=classes.knots.len()).filter(empty) {
@@ -143,18 +161,31 @@ impl Classes {
 }
 
 /// Optical depth and colour accumulated along a ray, front to back.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct March {
     pub(super) depth: f64,
     pub(super) colour: [f64; 3],
+    /// Bounds of the colours that are emitted.
+    most: [f64; 3],
     /// The interval of a scalar that was met last.
     near: usize,
 }
 
 impl March {
+    /// Begins a ray. `most` bounds the emitted colours; without a bound it is infinite.
+    pub(super) fn new(most: [f64; 3]) -> Self {
+        Self { depth: 0.0, colour: [0.0; 3], most, near: 0 }
+    }
+
     /// Returns whether the rest of the ray is invisible.
     pub(super) fn is_opaque(&self) -> bool {
-        self.depth >= OPAQUE
+        self.depth >= OPAQUE || self.depth >= SETTLED && self.is_settled()
+    }
+
+    /// Returns whether no colour behind can change the sums: each is a small part of their last bit.
+    fn is_settled(&self) -> bool {
+        let rest = (-self.depth).exp();
+        self.most.iter().zip(self.colour).all(|(most, sum)| rest * most <= UNSEEN * sum)
     }
 
     /// Returns premultiplied colour and opacity.
@@ -413,8 +444,6 @@ impl Glow<'_> {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
 
     /// Monotone cubics from 0 to 1 on the unit interval. Their slopes are scaled squares or products of
@@ -453,9 +482,9 @@ mod tests {
                     extinction[0] += near;
                     let scale = limit / polynomial::integral(&extinction, 1.0);
                     let extinction = extinction.map(|c| c * scale);
-                    let mut one = March::default();
+                    let mut one = March::new([f64::INFINITY; 3]);
                     one.add_panel(&rules, &extinction, &place, limit, &a, &b);
-                    let mut many = March::default();
+                    let mut many = March::new([f64::INFINITY; 3]);
                     let width = 1.0 / 64.0;
                     for i in 0..64 {
                         let start = f64::from(i) * width;
@@ -480,7 +509,7 @@ mod tests {
     fn knots_closer_than_rounding_do_not_extrapolate() {
         let rows = [[0.0, 1.0, 0.0, 0.0, 2.0], [5e-324, 0.0, 1.0, 0.0, 1e6], [1.0, 0.0, 1.0, 0.0, 2.0]];
         let classes = Classes::new(&TransferFunction::from_rows(&rows).unwrap());
-        let mut march = March::default();
+        let mut march = March::new([f64::INFINITY; 3]);
         march.add_piece(&classes, &[-1e-9, 2e-9, 0.0, 0.0], 1.5, [0.0, 1.0], None);
         let alpha = -(-3.0_f64).exp_m1();
         assert_eq!(march.pixel(), [alpha, 0.0, 0.0, alpha]);

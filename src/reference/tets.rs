@@ -71,6 +71,53 @@ impl LocalRay {
     }
 }
 
+/// A tetrahedron with finite scalars.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cell {
+    index: u32,
+    /// In ascending order of their indices, so that two cells treat shared corners alike.
+    points: [DVec3; 4],
+    s: [f64; 4],
+}
+
+impl Cell {
+    /// Returns the part of a ray inside the tetrahedron. Parameters count from the ray's `start`.
+    pub(super) fn piece(&self, ray: &LocalRay) -> Option<Piece> {
+        let relative = each(self.points, |p| p - ray.start);
+        let plane = each(relative, |p| DVec2::new(p.dot(ray.across[0]), p.dot(ray.across[1])));
+        // Reject by the projection's box first: most cells are missed.
+        let [a, b, c, d] = plane;
+        let (low, high) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
+        if low.x > 0.0 || low.y > 0.0 || high.x < 0.0 || high.y < 0.0 {
+            return None;
+        }
+        let sides = (side(a, b), side(a, c), side(a, d), side(b, c), side(b, d), side(c, d));
+        let (ab, ac, ad, bc, bd, cd) = sides;
+        let positive = [ab.0, ac.0, ad.0, bc.0, bd.0, cd.0];
+        let areas = [ab.1, ac.1, ad.1, bc.1, bd.1, cd.1];
+        // The origin lies on the same side of ab, bc and ca.
+        let crossed =
+            each(FACES, |(_, [bc, ac, ab])| positive[ab] == positive[bc] && positive[ab] != positive[ac]);
+        let mut faces = FACES.iter().zip(crossed).filter_map(|(face, crossed)| crossed.then_some(face));
+        let first = faces.next()?;
+        let depths = each(relative, |p| p.dot(ray.direction));
+        let crossing = |&(face, edges): &([usize; 3], [usize; 3])| {
+            let weights = edges.map(|edge| areas[edge]);
+            [mean(weights, face.map(|i| depths[i])), mean(weights, face.map(|i| self.s[i]))]
+        };
+        let (mut near, mut far) = (crossing(first), crossing(faces.next()?));
+        if far[0] < near[0] {
+            (near, far) = (far, near);
+        }
+        Piece { cell: self.index, t: [near[0], far[0]], s: [near[1], far[1]] }.within(ray.range)
+    }
+}
+
+/// Applies a function to four items. Unlike `map` of arrays, the compiler always inlines it.
+fn each<T, U>([a, b, c, d]: [T; 4], f: impl Fn(T) -> U) -> [U; 4] {
+    [f(a), f(b), f(c), f(d)]
+}
+
 /// A mesh and its transfer function, prepared for rays.
 #[derive(Debug)]
 pub(super) struct TetRays<'a> {
@@ -105,8 +152,8 @@ impl<'a> TetRays<'a> {
     /// Intersects one ray with every tetrahedron and integrates it.
     pub(super) fn trace(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 4] {
         let ray = self.ray(origin, direction, range);
-        let all = self.all().filter(|&cell| self.shows(cell));
-        let mut pieces: Vec<Piece> = all.filter_map(|cell| self.piece(cell, &ray)).collect();
+        let all = self.all().filter(|&cell| self.shows(cell)).filter_map(|cell| self.cell(cell));
+        let mut pieces: Vec<Piece> = all.filter_map(|cell| cell.piece(&ray)).collect();
         self.integrate(&mut pieces)
     }
 
@@ -115,65 +162,34 @@ impl<'a> TetRays<'a> {
         0..num::count(self.mesh.cells().len())
     }
 
+    /// Returns a tetrahedron, or `None` if a scalar of it is NaN.
+    pub(super) fn cell(&self, index: u32) -> Option<Cell> {
+        let mut corners = self.mesh.cells()[num::index(index)].map(num::index);
+        corners.sort_unstable();
+        let s = match self.mesh.scalars() {
+            TetScalars::Point(values) => corners.map(|i| values[i]),
+            TetScalars::Cell(values) => [values[num::index(index)]; 4],
+        };
+        let points = corners.map(|i| self.mesh.points()[i]);
+        (!s.iter().any(|s| s.is_nan())).then(|| Cell {
+            index,
+            points,
+            s: s.map(|s| finite(s.into(), self.ends)),
+        })
+    }
+
     /// Returns whether extinction is positive anywhere in a tetrahedron.
-    pub(super) fn shows(&self, cell: u32) -> bool {
-        let Some(s) = self.scalars(cell, self.corners(cell)) else { return false };
+    pub(super) fn shows(&self, index: u32) -> bool {
+        let Some(Cell { s, .. }) = self.cell(index) else { return false };
         let low = s.into_iter().fold(f64::INFINITY, f64::min);
         let high = s.into_iter().fold(f64::NEG_INFINITY, f64::max);
         !self.classes.is_vacuum([low, high])
     }
 
-    /// Returns the points of a tetrahedron's corners in ascending order, so that two cells treat shared
-    /// corners alike.
-    fn corners(&self, cell: u32) -> [usize; 4] {
-        let mut corners = self.mesh.cells()[num::index(cell)].map(num::index);
-        corners.sort_unstable();
-        corners
-    }
-
-    /// Returns the scalars of a tetrahedron's corners, or `None` if one is NaN.
-    fn scalars(&self, cell: u32, corners: [usize; 4]) -> Option<[f64; 4]> {
-        let s = match self.mesh.scalars() {
-            TetScalars::Point(values) => corners.map(|i| values[i]),
-            TetScalars::Cell(values) => [values[num::index(cell)]; 4],
-        };
-        (!s.iter().any(|s| s.is_nan())).then(|| s.map(|s| finite(s.into(), self.ends)))
-    }
-
-    /// Returns the part of a ray inside a tetrahedron whose scalars are not NaN. Parameters count from the
-    /// ray's `start`.
-    pub(super) fn piece(&self, cell: u32, ray: &LocalRay) -> Option<Piece> {
-        let corners = self.corners(cell);
-        let relative = corners.map(|i| self.mesh.points()[i] - ray.start);
-        let plane = relative.map(|p| DVec2::new(p.dot(ray.across[0]), p.dot(ray.across[1])));
-        // Reject by the projection's box first: most cells are missed.
-        let [a, b, c, d] = plane;
-        let (low, high) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
-        if low.x > 0.0 || low.y > 0.0 || high.x < 0.0 || high.y < 0.0 {
-            return None;
-        }
-        let sides = EDGES.map(|[a, b]| side(plane[a], plane[b]));
-        // The origin lies on the same side of ab, bc and ca.
-        let crossed = FACES.map(|(_, [bc, ac, ab])| sides[ab].0 == sides[bc].0 && sides[ab].0 != sides[ac].0);
-        let faces = || FACES.iter().zip(crossed).filter_map(|(face, crossed)| crossed.then_some(face));
-        faces().next()?;
-        let s = self.scalars(cell, corners)?;
-        let depths = relative.map(|p| p.dot(ray.direction));
-        let mut crossings = faces().map(|&(face, edges)| {
-            let weights = edges.map(|edge| sides[edge].1);
-            [mean(weights, face.map(|i| depths[i])), mean(weights, face.map(|i| s[i]))]
-        });
-        let (mut near, mut far) = (crossings.next()?, crossings.next()?);
-        if far[0] < near[0] {
-            (near, far) = (far, near);
-        }
-        Piece { cell, t: [near[0], far[0]], s: [near[1], far[1]] }.within(ray.range)
-    }
-
     /// Integrates emission and absorption along pieces, after sorting them.
     pub(super) fn integrate(&self, pieces: &mut [Piece]) -> [f64; 4] {
         sort(pieces);
-        let mut march = March::default();
+        let mut march = March::new(self.classes.most.to_array());
         for Piece { t, s, .. } in pieces {
             march.add_cubic(&self.classes, &[s[0], s[1] - s[0], 0.0, 0.0], t[1] - t[0], None);
             if march.is_opaque() {
@@ -184,10 +200,7 @@ impl<'a> TetRays<'a> {
     }
 }
 
-/// Corners of the edges.
-const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
-
-/// Corners a < b < c of the faces, and the indices of the edges bc, ac, ab.
+/// Corners a < b < c of the faces, and the indices of the edges bc, ac, ab among 01, 02, 03, 12, 13, 23.
 const FACES: [([usize; 3], [usize; 3]); 4] =
     [([0, 1, 2], [3, 1, 0]), ([0, 1, 3], [4, 2, 0]), ([0, 2, 3], [5, 2, 1]), ([1, 2, 3], [5, 4, 3])];
 

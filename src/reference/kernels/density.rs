@@ -23,8 +23,8 @@ pub(super) struct Rule {
     length: f64,
     nodes: Vec<f64>,
     weights: Vec<f64>,
-    /// Weights of the integral from 0 to each node, row by row.
-    partial: Vec<f64>,
+    /// Weights of the values at each node in the integrals from 0 to all nodes.
+    partial: Vec<[f64; MOST]>,
 }
 
 impl Rule {
@@ -37,10 +37,12 @@ impl Rule {
         let legendre: Vec<Vec<f64>> = rule.iter().map(|node| legendre(node.x, points)).collect();
         // Write the interpolant through the nodes as a Legendre series, whose terms have integrals in closed
         // form.
-        let partial = (0..points).flat_map(|j| (0..points).map(move |k| (j, k))).map(|(j, k)| {
+        let weight = |j: usize, k: usize| {
             let terms = (1..points).map(|m| legendre[k][m] * 0.5 * (legendre[j][m + 1] - legendre[j][m - 1]));
             rule[k].weight * (rule[j].x + terms.sum::<f64>())
-        });
+        };
+        let partial =
+            (0..points).map(|k| std::array::from_fn(|j| if j < points { weight(j, k) } else { 0.0 }));
         Self {
             length,
             partial: partial.collect(),
@@ -68,8 +70,9 @@ pub(super) struct Density<'a> {
 }
 
 impl<'a> Density<'a> {
-    pub(super) fn new(rules: &'a [Rule]) -> Self {
-        Self { rules, march: March::default() }
+    /// Begins a ray. `most` bounds the colours of all sums.
+    pub(super) fn new(rules: &'a [Rule], most: [f64; 3]) -> Self {
+        Self { rules, march: March::new(most) }
     }
 
     /// Adds a panel that is short compared with the kernels, halved until its optical depth is small too.
@@ -104,11 +107,16 @@ impl<'a> Density<'a> {
                 *sum += emitted * (total / depth);
             }
         } else {
-            for (j, weight) in rule.weights.iter().enumerate() {
-                let row = &rule.partial[j * rule.nodes.len()..][..rule.nodes.len()];
-                let inner: f64 = row.iter().zip(&at).map(|(partial, at)| partial * at[0]).sum();
-                let seen = transmittance * weight * (-inner).exp();
-                for (sum, emission) in self.march.colour.iter_mut().zip(&at[j][1..]) {
+            // The optical depths up to all nodes at once, which the compiler vectorises.
+            let mut depths = [0.0; MOST];
+            for (partial, at) in rule.partial.iter().zip(&at) {
+                for (depth, partial) in depths.iter_mut().zip(partial) {
+                    *depth += partial * at[0];
+                }
+            }
+            for ((weight, at), depth) in rule.weights.iter().zip(&at).zip(depths) {
+                let seen = transmittance * weight * (-depth).exp();
+                for (sum, emission) in self.march.colour.iter_mut().zip(&at[1..]) {
                     *sum += seen * emission;
                 }
             }
@@ -160,9 +168,8 @@ mod tests {
             for place in -12..=12 {
                 let start = 0.5 * f64::from(place);
                 for (j, x) in rule.nodes.iter().enumerate() {
-                    let row = &rule.partial[j * rule.nodes.len()..][..rule.nodes.len()];
-                    let got: f64 =
-                        row.iter().zip(&rule.nodes).map(|(w, x)| w * gaussian(start + x * rule.length)).sum();
+                    let parts = rule.partial.iter().zip(&rule.nodes);
+                    let got: f64 = parts.map(|(w, x)| w[j] * gaussian(start + x * rule.length)).sum();
                     // Composite Simpson, with an error below 1e-13 here.
                     let n = 2000;
                     let h = x / f64::from(n);

@@ -138,6 +138,9 @@ impl Series {
     /// Terms that are exact to rounding on the longest segment.
     const TERMS: usize = 15;
 
+    /// Kernels that are added at a time.
+    const LANES: usize = 4;
+
     /// Half of the longest segment, in standard deviations.
     const LONGEST: f64 = 0.2;
 
@@ -152,16 +155,28 @@ impl Series {
         }
         let inverses: [f64; Self::TERMS] = std::array::from_fn(|k| 1.0 / (num::f64_of(k) + 1.0));
         let mut terms = [[0.0; 4]; Self::TERMS];
-        for (_, hit) in inside {
-            let u = (middle - hit.middle) * hit.speed;
-            let v = -half * hit.speed;
-            let (mut before, mut term) = (0.0, Shape::Gaussian.at(hit.nearest + u * u));
+        // Several kernels at a time, because each term waits for the one before. Their sums are added in order.
+        for hits in inside.chunks(Self::LANES) {
+            let [mut u, mut v, mut before, mut term] = [[0.0; Self::LANES]; 4];
+            let mut values = [[0.0; 4]; Self::LANES];
+            for (lane, (_, hit)) in hits.iter().enumerate() {
+                u[lane] = (middle - hit.middle) * hit.speed;
+                v[lane] = -half * hit.speed;
+                term[lane] = Shape::Gaussian.at(hit.nearest + u[lane] * u[lane]);
+                values[lane] = hit.value;
+            }
             for (sums, inverse) in terms[..count].iter_mut().zip(inverses) {
-                for (sum, value) in sums.iter_mut().zip(hit.value) {
-                    *sum += term * value;
+                for (term, value) in term.iter().zip(&values) {
+                    for (sum, value) in sums.iter_mut().zip(value) {
+                        *sum += term * value;
+                    }
                 }
                 // He_k+1 = u He_k - k He_k-1.
-                (before, term) = (term, v * inverse * (u * term - v * before));
+                for lane in 0..Self::LANES {
+                    let (u, v, now) = (u[lane], v[lane], term[lane]);
+                    term[lane] = v * inverse * (u * now - v * before[lane]);
+                    before[lane] = now;
+                }
             }
         }
         Self { middle, half, terms, count }

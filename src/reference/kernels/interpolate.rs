@@ -44,7 +44,7 @@ impl<'a> Interpolate<'a> {
     pub(super) fn new(classes: &'a Classes, least: f64, range: [f64; 2]) -> Self {
         let size = range[0].abs().max(range[1].abs());
         let tolerance = ERROR * (range[1] - range[0]) + ROUNDING * size;
-        Self { classes, march: March::default(), least, tolerance }
+        Self { classes, march: March::new(classes.most.to_array()), least, tolerance }
     }
 
     /// Integrates a part of the ray. `shows` means that the weight is known to be above the threshold.
