@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::num;
 use crate::scene::View;
 
-use super::tets::{Cell, LocalRay, Piece, TetRays};
+use super::tets::{LocalRay, Piece, TetRays};
 use super::view_ray::{ViewRay, ViewRays};
 
 /// Rows and columns of a block; the pieces of one block are in memory at a time.
@@ -51,9 +51,8 @@ pub(super) fn render(
             covers.iter().filter(|c| c.rows[0] <= last && c.rows[1] >= first).copied().collect();
         for left in (0..width).step_by(num::index(COLUMNS)) {
             let right = (left + COLUMNS).min(width) - 1;
-            let block = band.iter().filter(|c| c.columns[0] <= right && c.columns[1] >= left);
-            let block: Vec<(Cover, Cell)> =
-                block.filter_map(|&cover| Some((cover, rays.cell(cover.cell)?))).collect();
+            let block: Vec<Cover> =
+                band.iter().filter(|c| c.columns[0] <= right && c.columns[1] >= left).copied().collect();
             for (row, y) in pixels.chunks_mut(num::index(width)).zip(first..) {
                 let row = &mut row[num::index(left)..=num::index(right)];
                 draw_run(rays, view_rays, &block, [left, y], samples, row);
@@ -129,7 +128,7 @@ impl Pixel {
 fn draw_run(
     rays: &TetRays,
     view_rays: &ViewRays,
-    block: &[(Cover, Cell)],
+    block: &[Cover],
     [left, y]: [u32; 2],
     samples: u32,
     row: &mut [[f64; 4]],
@@ -138,7 +137,8 @@ fn draw_run(
     for offset in samples_of(samples) {
         let at = |x: u32| view_rays.at(DVec2::new(f64::from(x), f64::from(y)) + offset);
         let mut pixels: Vec<Pixel> = (left..=right).map(|x| Pixel::new(rays, at(x))).collect();
-        for (cover, cell) in block.iter().filter(|(c, _)| c.rows[0] <= y && c.rows[1] >= y) {
+        for cover in block.iter().filter(|c| c.rows[0] <= y && c.rows[1] >= y) {
+            let Some(cell) = rays.cell(cover.cell) else { continue };
             let [first, last] = [cover.columns[0].max(left), cover.columns[1].min(right)];
             for pixel in &mut pixels[num::index(first - left)..=num::index(last - left)] {
                 pixel.pieces.extend(cell.piece(&pixel.ray));

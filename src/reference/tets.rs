@@ -164,23 +164,24 @@ impl<'a> TetRays<'a> {
 
     /// Returns a tetrahedron, or `None` if a scalar of it is NaN.
     pub(super) fn cell(&self, index: u32) -> Option<Cell> {
-        let mut corners = self.mesh.cells()[num::index(index)].map(num::index);
+        let mut corners = self.mesh.cells()[num::index(index)];
         corners.sort_unstable();
+        let s = self.scalars(index, corners)?;
+        Some(Cell { index, points: each(corners, |i| self.mesh.points()[num::index(i)]), s })
+    }
+
+    /// Returns the scalars of a tetrahedron's corners, or `None` if one is NaN.
+    fn scalars(&self, index: u32, corners: [u32; 4]) -> Option<[f64; 4]> {
         let s = match self.mesh.scalars() {
-            TetScalars::Point(values) => corners.map(|i| values[i]),
+            TetScalars::Point(values) => each(corners, |i| values[num::index(i)]),
             TetScalars::Cell(values) => [values[num::index(index)]; 4],
         };
-        let points = corners.map(|i| self.mesh.points()[i]);
-        (!s.iter().any(|s| s.is_nan())).then(|| Cell {
-            index,
-            points,
-            s: s.map(|s| finite(s.into(), self.ends)),
-        })
+        (!s.iter().any(|s| s.is_nan())).then(|| each(s, |s| finite(s.into(), self.ends)))
     }
 
     /// Returns whether extinction is positive anywhere in a tetrahedron.
     pub(super) fn shows(&self, index: u32) -> bool {
-        let Some(Cell { s, .. }) = self.cell(index) else { return false };
+        let Some(s) = self.scalars(index, self.mesh.cells()[num::index(index)]) else { return false };
         let low = s.into_iter().fold(f64::INFINITY, f64::min);
         let high = s.into_iter().fold(f64::NEG_INFINITY, f64::max);
         !self.classes.is_vacuum([low, high])
