@@ -30,6 +30,11 @@ impl<'a> GridRays<'a> {
         Self { grid, transfer, mode, classes, space, cells: Cells::new(grid, transfer.domain()) }
     }
 
+    #[cfg(test)]
+    pub(super) fn cells(&self) -> &Cells<'a> {
+        &self.cells
+    }
+
     /// Draws one ray. `direction` has unit length, so the parameter is a world length.
     pub(super) fn trace(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 4] {
         let Some(ray) = self.space.ray(origin, direction, range, 0.0) else { return [0.0; 4] };

@@ -524,5 +524,38 @@ mod tests {
         assert!(vacuum(-9.0, 0.9) && vacuum(0.5, 0.5) && vacuum(-2.0, -1.0));
         assert!(!vacuum(0.5, 1.0), "1 opens the interval that absorbs");
         assert!(!vacuum(2.5, 2.5) && !vacuum(-1.0, 9.0) && !vacuum(8.0, 9.0));
+        // Ranges of vacuum are those of intervals, also at the ends and within.
+        let rows = [row(0.0, 1.0), row(1.0, 0.0), row(1.0, 0.0), row(2.0, 0.0), row(3.0, 0.0), row(4.0, 2.0)];
+        for rows in [&rows[..], &rows[1..5], &rows[1..], &rows[..4], &rows[..1]] {
+            let classes = Classes::new(&TransferFunction::from_rows(rows).unwrap());
+            let scalars = (-4..24).map(|i| 0.25 * f64::from(i));
+            for (a, b) in
+                scalars.clone().flat_map(|a| scalars.clone().map(move |b| (a, b))).filter(|(a, b)| a <= b)
+            {
+                let want = classes.are_vacuum(classes.interval(a), classes.interval(b));
+                assert_eq!(classes.is_vacuum([a, b]), want, "{a} to {b} of {} knots", rows.len());
+            }
+        }
+    }
+
+    /// What lies behind the end of a ray changes no bit of its pixel, but would change one a little before.
+    #[test]
+    fn rays_end_where_nothing_behind_shows() {
+        let rows = [[0.0, 0.9, 1e-3, 0.0, 0.5], [1.0, 0.2, 1.0, 0.0, 0.7]];
+        let classes = Classes::new(&TransferFunction::from_rows(&rows).unwrap());
+        let bits = |march: &March| march.pixel().map(f64::to_bits);
+        let mut march = March::new(classes.most.to_array());
+        let mut changed = 0.0;
+        while !march.is_opaque() {
+            let before = bits(&march);
+            march.add_cubic(&classes, &[0.0, 1.0, 0.0, 0.0], 0.1, None);
+            changed = if bits(&march) == before { changed } else { march.depth };
+        }
+        assert!(march.depth < 45.0 && changed > march.depth - 8.0, "{changed} {}", march.depth);
+        let pixel = bits(&march);
+        while march.depth < OPAQUE {
+            march.add_cubic(&classes, &[0.0, 1.0, 0.0, 0.0], 0.1, None);
+            assert_eq!(bits(&march), pixel, "{}", march.depth);
+        }
     }
 }

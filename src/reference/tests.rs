@@ -6,6 +6,7 @@ mod images;
 mod invariance;
 mod kernels;
 mod mesh;
+mod skipping;
 mod surfaces;
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
