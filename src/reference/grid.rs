@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 use crate::scene::{Grid, Lighting, Mode, TransferFunction};
 
 use super::cells::{Cells, Trilinear};
-use super::index_space::IndexSpace;
+use super::index_space::{IndexRay, IndexSpace};
 use super::march::{Classes, March};
 use super::polynomial;
 use super::walk::{Segment, Walk};
@@ -38,9 +38,8 @@ impl<'a> GridRays<'a> {
     /// Draws one ray. `direction` has unit length, so the parameter is a world length.
     pub(super) fn trace(&self, origin: DVec3, direction: DVec3, range: [f64; 2]) -> [f64; 4] {
         let Some(ray) = self.space.ray(origin, direction, range, 0.0) else { return [0.0; 4] };
-        let mut walk = Walk::new(&self.cells, &ray);
         if self.mode == Mode::Maximum {
-            return self.maximum(&mut walk);
+            return self.maximum(&ray);
         }
         let light = if let Mode::Lit(lighting) = &self.mode {
             Some(Light::new(self.grid, lighting, direction))
@@ -50,6 +49,7 @@ impl<'a> GridRays<'a> {
         let most = light.as_ref().map_or(self.classes.most, |light| light.most(self.classes.most));
         let mut march = March::new(most.to_array());
         let empty = |[low, high]: [f64; 2]| low > high || self.classes.is_vacuum([low, high]);
+        let mut walk = Walk::new(&self.cells, &ray);
         while let Some(Segment { cell, t: [from, to] }) = walk.next(empty) {
             let v = self.cells.corners(cell);
             if has_nan(&v) || self.classes.is_vacuum(extremes(&v)) {
@@ -73,21 +73,31 @@ impl<'a> GridRays<'a> {
     }
 
     /// Returns colour and opacity of the greatest scalar of a ray, with the path of one voxel.
-    fn maximum(&self, walk: &mut Walk) -> [f64; 4] {
-        let mut greatest = f64::NEG_INFINITY;
+    fn maximum(&self, ray: &IndexRay) -> [f64; 4] {
         let below = |[low, high]: [f64; 2], greatest: f64| {
-            high + ROUNDING * high.abs().max(low.abs()) < greatest || low > high
+            low > high || high + ROUNDING * high.abs().max(low.abs()) < greatest
         };
-        while let Some(Segment { cell, t: [from, to] }) = walk.next(|range| below(range, greatest)) {
-            let v = self.cells.corners(cell);
-            if has_nan(&v) || below(extremes(&v), greatest) {
-                continue;
-            }
-            let (start, end) = (walk.local(cell, from), walk.local(cell, to));
-            let scalar = Trilinear::new(&v).along(start, end - start);
-            let turns = polynomial::turning_points(&scalar);
-            for x in turns.into_iter().filter(|x| !x.is_nan()).chain([0.0, 1.0]) {
-                greatest = greatest.max(polynomial::value(&scalar, x));
+        let mut peak = f64::NEG_INFINITY;
+        let _ = Walk::new(&self.cells, ray).next(|[_, high]| {
+            peak = peak.max(high);
+            true
+        });
+        let mut greatest = f64::NEG_INFINITY;
+        // Blocks with the greatest sample first: few others then come up to what they hold.
+        for least in [peak, f64::NEG_INFINITY] {
+            let mut walk = Walk::new(&self.cells, ray);
+            let skips = |range: [f64; 2], greatest: f64| range[1] < least || below(range, greatest);
+            while let Some(Segment { cell, t: [from, to] }) = walk.next(|range| skips(range, greatest)) {
+                let v = self.cells.corners(cell);
+                if has_nan(&v) || below(extremes(&v), greatest) {
+                    continue;
+                }
+                let (start, end) = (walk.local(cell, from), walk.local(cell, to));
+                let scalar = Trilinear::new(&v).along(start, end - start);
+                let turns = polynomial::turning_points(&scalar);
+                for x in turns.into_iter().filter(|x| !x.is_nan()).chain([0.0, 1.0]) {
+                    greatest = greatest.max(polynomial::value(&scalar, x));
+                }
             }
         }
         if greatest == f64::NEG_INFINITY {

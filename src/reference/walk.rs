@@ -46,7 +46,7 @@ impl<'a> Walk<'a> {
 
     /// Returns the next segment of positive length, except for those in blocks that are `empty` by the range of
     /// their samples.
-    pub(super) fn next(&mut self, empty: impl Fn([f64; 2]) -> bool) -> Option<Segment> {
+    pub(super) fn next(&mut self, mut empty: impl FnMut([f64; 2]) -> bool) -> Option<Segment> {
         while !self.ended {
             if self.enters {
                 self.enters = false;
@@ -88,7 +88,7 @@ impl<'a> Walk<'a> {
             self.ended = true;
             return;
         }
-        self.cell[axis] = self.toward(axis, before);
+        self.cell[axis] = if self.slope[axis] > 0.0 { before + 1 } else { before - 1 };
         self.next[axis] = self.face(axis, self.cell[axis]);
         self.enters |= self.cell[axis] / BLOCK != before / BLOCK;
     }
@@ -107,20 +107,12 @@ impl<'a> Walk<'a> {
             return;
         }
         for axis in (0..3).filter(|&axis| axis != out) {
-            // Whether the ray passes the face behind a cell before it leaves the block; at the same place, axes
-            // are in order.
-            let passes = |cell: u32| {
-                let face = self.face(axis, cell);
-                face < faces[out] || face == faces[out] && axis < out
-            };
-            // Guess the cell, then correct the guess for rounding.
+            // Guess the cell. If rounding led too far, go back: the ray must pass all faces before it. If it did not
+            // lead far enough, the faces left are passed without segments.
             let [near, far] = [self.cell[axis], far[axis]];
             let guess = num::u32_of(self.start[axis] + self.slope[axis] * faces[out]);
             let mut cell = guess.clamp(near.min(far), near.max(far));
-            while cell != far && passes(cell) {
-                cell = self.toward(axis, cell);
-            }
-            while cell != near && !passes(self.back(axis, cell)) {
+            while cell != near && self.face(axis, self.back(axis, cell)) >= faces[out] {
                 cell = self.back(axis, cell);
             }
             self.cell[axis] = cell;
@@ -129,11 +121,6 @@ impl<'a> Walk<'a> {
         self.cell[out] = far[out];
         self.next[out] = faces[out];
         self.leave_cell(out);
-    }
-
-    /// Returns the index of the cells behind those of an index.
-    fn toward(&self, axis: usize, cell: u32) -> u32 {
-        if self.slope[axis] > 0.0 { cell + 1 } else { cell - 1 }
     }
 
     /// Returns the index of the cells before those of an index.
