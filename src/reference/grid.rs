@@ -77,27 +77,18 @@ impl<'a> GridRays<'a> {
         let below = |[low, high]: [f64; 2], greatest: f64| {
             low > high || high + ROUNDING * high.abs().max(low.abs()) < greatest
         };
-        let mut peak = f64::NEG_INFINITY;
-        let _ = Walk::new(&self.cells, ray).next(|[_, high]| {
-            peak = peak.max(high);
-            true
-        });
         let mut greatest = f64::NEG_INFINITY;
-        // Blocks with the greatest sample first: few others then come up to what they hold.
-        for least in [peak, f64::NEG_INFINITY] {
-            let mut walk = Walk::new(&self.cells, ray);
-            let skips = |range: [f64; 2], greatest: f64| range[1] < least || below(range, greatest);
-            while let Some(Segment { cell, t: [from, to] }) = walk.next(|range| skips(range, greatest)) {
-                let v = self.cells.corners(cell);
-                if has_nan(&v) || below(extremes(&v), greatest) {
-                    continue;
-                }
-                let (start, end) = (walk.local(cell, from), walk.local(cell, to));
-                let scalar = Trilinear::new(&v).along(start, end - start);
-                let turns = polynomial::turning_points(&scalar);
-                for x in turns.into_iter().filter(|x| !x.is_nan()).chain([0.0, 1.0]) {
-                    greatest = greatest.max(polynomial::value(&scalar, x));
-                }
+        let mut walk = Walk::new(&self.cells, ray);
+        while let Some(Segment { cell, t: [from, to] }) = walk.next(|range| below(range, greatest)) {
+            let v = self.cells.corners(cell);
+            if has_nan(&v) || below(extremes(&v), greatest) {
+                continue;
+            }
+            let (start, end) = (walk.local(cell, from), walk.local(cell, to));
+            let scalar = Trilinear::new(&v).along(start, end - start);
+            let turns = polynomial::turning_points(&scalar);
+            for x in turns.into_iter().filter(|x| !x.is_nan()).chain([0.0, 1.0]) {
+                greatest = greatest.max(polynomial::value(&scalar, x));
             }
         }
         if greatest == f64::NEG_INFINITY {

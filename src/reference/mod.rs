@@ -5,6 +5,9 @@
 //! Gauss-Legendre quadrature over panels of bounded optical depth. Sums of kernels are integrated numerically
 //! between the places where kernels begin and end.
 //!
+//! Rays pass over blocks of cells without extinction, and end where nothing behind can change a bit. Neither changes a
+//! bit of the image.
+//!
 //! This room uses `scene` and `image`, and shares no code with shaders or pre-integration tables. The choice
 //! of settings, the measures, the program and the tests use it.
 

@@ -46,7 +46,7 @@ impl<'a> Walk<'a> {
 
     /// Returns the next segment of positive length, except for those in blocks that are `empty` by the range of
     /// their samples.
-    pub(super) fn next(&mut self, mut empty: impl FnMut([f64; 2]) -> bool) -> Option<Segment> {
+    pub(super) fn next(&mut self, empty: impl Fn([f64; 2]) -> bool) -> Option<Segment> {
         while !self.ended {
             if self.enters {
                 self.enters = false;
