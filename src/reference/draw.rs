@@ -18,8 +18,8 @@ use crate::scene::{Data, Kernels, Scene, Surface, View};
 
 /// A scene's data and transfer function, prepared for rays.
 pub(super) enum Rays<'a> {
-    Grid(GridRays<'a>),
-    Mesh(TetRays<'a>),
+    Grid(Box<GridRays<'a>>),
+    Mesh(Box<TetRays<'a>>),
     Kernels(Box<KernelRays>),
 }
 
@@ -30,9 +30,9 @@ impl<'a> Rays<'a> {
             (_, Some(kernels)) => kernels,
             (Data::Points(_), None) => Kernels::of_points(),
             (Data::Grid(grid), None) => {
-                return Ok(Self::Grid(GridRays::new(grid, &scene.transfer, scene.mode)));
+                return Ok(Self::Grid(Box::new(GridRays::new(grid, &scene.transfer, scene.mode))));
             }
-            (Data::Mesh(mesh), None) => return Ok(Self::Mesh(TetRays::new(mesh, &scene.transfer))),
+            (Data::Mesh(mesh), None) => return Ok(Self::Mesh(Box::new(TetRays::new(mesh, &scene.transfer)))),
         };
         Ok(Self::Kernels(Box::new(KernelRays::new(scene, &kernels)?)))
     }
