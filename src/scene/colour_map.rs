@@ -74,7 +74,7 @@ impl ColourMap {
             let [r, g, b, _] = colour.to_linear_rgba().map(|channel| f64::from(channel.clamp(0.0, 1.0)));
             DVec3::new(r, g, b)
         };
-        gradient.colors(count).into_iter().map(linear).collect()
+        gradient.colors(count).map(linear).collect()
     }
 }
 

@@ -137,17 +137,14 @@ impl TransferFunction {
     pub fn coloured(&self, map: ColourMap) -> Self {
         const STEPS: u8 = 64;
         let [low, high] = self.domain();
-        let shares = (0..=STEPS).map(|i| f64::from(i) / f64::from(STEPS));
+        let place = |i: u8| low + (high - low) * (f64::from(i) / f64::from(STEPS));
         let colours = map.colours(usize::from(STEPS) + 1);
-        let knots = shares.zip(colours).map(|(share, colour)| Knot {
-            s: low + (high - low) * share,
-            colour,
-            tau: 0.0,
-        });
-        Self::combined(
-            &Self { knots: if low < high { knots.collect() } else { knots.last().into_iter().collect() } },
-            self,
-        )
+        let mut knots: Vec<Knot> =
+            (0..=STEPS).zip(colours).map(|(i, colour)| Knot { s: place(i), colour, tau: 0.0 }).collect();
+        if low == high {
+            knots.drain(..usize::from(STEPS));
+        }
+        Self::combined(&Self { knots }, self)
     }
 
     /// Returns the function with one colour.

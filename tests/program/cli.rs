@@ -61,6 +61,62 @@ fn views_are_sides_or_angles() {
     render("--zoom 0").fails(2, &["--zoom", "'0'", "positive"]);
 }
 
+/// Presets, ranges, shapes of extinction, colour maps and backgrounds are those of the library, in the order of the documents.
+#[test]
+fn looks_are_chosen_by_options() {
+    use volraster::io::scene_file::Preset;
+    use volraster::scene::{ColourMap, Opacity, TransferFunction, auto};
+    let folder = with_scene();
+    folder.run("-q convert scene.json grid.nrrd").done();
+    let data = &volraster::io::read(folder.path("grid.nrrd"), &ReadOptions::default()).unwrap().data;
+    let automatic = auto::transfer(data).unwrap();
+    let preset = |name: &str, range| Preset::named(name).unwrap().transfer(data, None, range, None).unwrap();
+    let fitted = |transfer: &TransferFunction| auto::fitted(data, None, transfer, 5.0).unwrap();
+    let peak = Opacity::parse("peak@0.5,0.1").unwrap();
+    for (options, mode, want) in [
+        ("--preset ct-bone", "lit", preset("ct-bone", None)),
+        ("--preset ct-bone --mode emission", "emission", preset("ct-bone", None)),
+        ("--preset mip", "maximum", preset("mip", None)),
+        (
+            "--preset fog --range 0.2..0.8 --colormap viridis --scale 2",
+            "emission",
+            preset("fog", Some([0.2, 0.8])).coloured(ColourMap::Viridis).thickened(2.0).unwrap(),
+        ),
+        ("--opacity peak@0.5,0.1 --shade", "lit", fitted(&peak.over(&automatic).unwrap())),
+        ("--range -1..2", "emission", fitted(&automatic.stretched([-1.0, 2.0]).unwrap())),
+        ("--colormap turbo", "emission", automatic.coloured(ColourMap::Turbo)),
+    ] {
+        let text = folder.run(&format!("info grid.nrrd --scene {options}")).done().out;
+        let scene = folder.scene(&text).unwrap().scene;
+        assert_eq!((scene.transfer, scene.mode.name()), (want, mode), "{options}");
+    }
+    // The opacity of a scene file is its own; a technique is kept for its mode.
+    let scene = |options: &str| {
+        folder.run(&format!("-q render scene.json -o out.exr --stats out.stats {options}")).done()
+    };
+    for (options, technique) in [("--scale 2", "slices-3d"), ("--preset fog", "slabs")] {
+        scene(options);
+        assert_eq!(folder.json("out.stats")["technique"], technique, "{options}");
+    }
+    folder
+        .run("-q render grid.nrrd -o out.png --background #ffffff --size 8x8 --preset log --range 90..99")
+        .done();
+    assert!(image::open(folder.path("out.png")).unwrap().to_rgb8().pixels().all(|pixel| pixel.0 == [255; 3]));
+    for (options, parts) in [
+        ("--preset smoke", vec!["--preset", "'smoke'", "ct-bone"]),
+        ("--colormap jet", vec!["--colormap", "'jet'", "viridis"]),
+        ("--range 2..1", vec!["--range", "'2..1'", "the first below the second"]),
+        ("--opacity cube", vec!["--opacity", "'cube'", "peak@S"]),
+        ("--background nothing", vec!["--background", "'nothing'", "white"]),
+        ("--preset log --range -1..1", vec!["range: [-1, 1]", "above zero"]),
+        ("--preset fog --isosurface 1", vec!["--preset", "cannot be used with", "--isosurface"]),
+        ("--shade --mode emission", vec!["--shade", "cannot be used with", "--mode"]),
+        ("--opacity log --range -1..1", vec!["opacity: log", "above zero"]),
+    ] {
+        folder.run(&format!("render grid.nrrd -o none.exr {options}")).fails(2, &parts);
+    }
+}
+
 /// `info --scene` prints a scene that draws the same picture to the bit as the data file by itself.
 #[test]
 fn the_automatic_scene_is_a_scene_file() {
@@ -74,6 +130,7 @@ fn the_automatic_scene_is_a_scene_file() {
         ("grid.nrrd", ""),
         ("grid.nrrd", " --view left --zoom 1.5 --mode lit"),
         ("grid.nrrd", " --isosurface 0.5"),
+        ("grid.nrrd", " --preset ct-vessels --range 0..1 --background #204060"),
         ("mesh.vtu", " --view iso"),
         ("points.csv", " --array charge --radius radius"),
     ] {
@@ -960,8 +1017,8 @@ fn the_reference_draws_meshes() {
     let info = folder.run("info mesh.json --json").done().json();
     assert_eq!((&info["kind"], &info["tetrahedra"]), (&"mesh".into(), &2.into()));
     assert_eq!((&info["camera"]["automatic"], &info["image"]), (&false.into(), &serde_json::json!([20, 10])));
-    // The preset over the data's range.
-    assert_eq!(info["transfer"][4], serde_json::json!([3.0, 1.0, 0.25, 0.1, 8.0]));
+    // The preset over the data's range, with extinction for a longest side of 3.
+    assert_eq!(info["transfer"][4], serde_json::json!([3.0, 1.0, 0.25, 0.1, 8.0 * 2.0 / 3.0]));
     write("field.json", r#"{"mesh": {"field": "blobs", "cubes": 4}}"#);
     folder.run("reference field.json -o field.exr --size 16x16").done();
     assert!(seen("field.exr") > 60, "{} pixels", seen("field.exr"));

@@ -119,16 +119,17 @@ impl LookArgs {
         if settings.transfer_is_automatic && scene.mode != was {
             scene.transfer = auto::transfer_in(&scene.data, scene.kernels.as_ref(), scene.mode)?;
         }
-        if let Some(transfer) = self.transfer(&scene, settings.transfer_is_automatic)? {
+        let own = self.transfer(&scene, settings.transfer_is_automatic)?;
+        let shows_other_parts = own.is_some() || scene.mode != was;
+        if let Some(transfer) = own {
             scene.transfer = transfer;
             settings.transfer_is_automatic = false;
         }
         if self.isosurface.is_some() || self.preset.is_some() || scene.mode != was {
             settings.choice = None;
         }
-        let framed = self
-            .view
-            .or((settings.camera_is_automatic && !settings.transfer_is_automatic).then_some(Side::CHOSEN));
+        let reframed = settings.camera_is_automatic && shows_other_parts;
+        let framed = self.view.or(reframed.then_some(Side::CHOSEN));
         settings.camera_is_automatic &= self.view.is_none() && self.zoom.is_none();
         let [width, height] = settings.view.extent();
         if let Some(side) = framed {

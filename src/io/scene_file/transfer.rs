@@ -111,8 +111,8 @@ impl Recipe {
                 return refuse("transfer", rule.to_owned());
             }
         };
-        let preset = Preset::named(&name).map_err(|error| error.at_place(path, "transfer"))?;
-        range.map_or(Ok(()), check_range).map_err(|error| error.at_place(path, "transfer"))?;
+        let preset = Preset::named(&name).map_err(|error| error.at_place(path, "transfer.preset"))?;
+        range.map_or(Ok(()), check_range).map_err(|error| error.at_place(path, "transfer.range"))?;
         if let Some(scale) = tau_scale
             && !(scale >= 0.0 && scale.is_finite())
         {

@@ -68,13 +68,15 @@ impl Shown {
 
 /// Finds the first and the last visible layer of cells along each axis, from outside inwards.
 fn of_grid(grid: &Grid, shown: &Shown) -> Option<[DVec3; 8]> {
-    let mut bounds = NONE;
-    for axis in 0..3 {
+    let ends = |axis: usize| {
         let layers = grid.dims()[axis] - 1;
         let low = (0..layers).find(|&layer| layer_shows(grid, shown, axis, layer))?;
         let high = (low..layers).rev().find(|&layer| layer_shows(grid, shown, axis, layer))?;
-        (bounds[0][axis], bounds[1][axis]) = (f64::from(low), f64::from(high + 1));
-    }
+        Some([f64::from(low), f64::from(high + 1)])
+    };
+    // Where nothing is visible, one axis says so.
+    let [x, y, z] = [ends(0)?, ends(1)?, ends(2)?];
+    let bounds = [0, 1].map(|end| DVec3::new(x[end], y[end], z[end]));
     Some(box_corners(bounds).map(|corner| grid.world_of_index(corner)))
 }
 
