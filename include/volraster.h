@@ -1552,4 +1552,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: d78dceede608e4a0 */
+/* Checksum of the sources: 76e1b3488fe3d93e */

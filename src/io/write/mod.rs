@@ -103,7 +103,7 @@ const GRIDS: &str = ".vti, .nrrd, .nii or .nii.gz";
 ///
 /// # Errors
 ///
-/// [`Error::File`](crate::Error::File) if the path must not be replaced, [`Error::Io`](crate::Error::Io) if it cannot be written; no partial file remains.
+/// [`Error::File`] if the path must not be replaced, [`Error::Io`] if it cannot be written; no partial file remains.
 pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<()> {
     replace(path.as_ref(), |writer| writer.write_all(text.as_bytes()))
 }
@@ -115,7 +115,7 @@ pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<()> {
 ///
 /// # Errors
 ///
-/// [`Error::File`](crate::Error::File) for a folder, a write-protected file, a block device and the like; [`Error::Io`](crate::Error::Io) where no file can be made.
+/// [`Error::File`] for a folder, a write-protected file, a block device and the like; [`Error::Io`] where no file can be made.
 pub fn check_writable(path: impl AsRef<Path>) -> Result<()> {
     replace::check_writable(path.as_ref())
 }

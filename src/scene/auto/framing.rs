@@ -64,7 +64,7 @@ impl Side {
     }
 }
 
-/// Returns a perspective camera that frames what the scene shows of its data ([`visible`]) from the front, rotated to one side and
+/// Returns a perspective camera that frames what the scene shows of its data ([`visible()`]) from the front, rotated to one side and
 /// slightly from above.
 ///
 /// Where a grid's [`Anatomy`] is known, up is superior and the front is anterior; the eye is rotated towards
@@ -78,7 +78,7 @@ pub fn camera(scene: &Scene, width: u32, height: u32) -> Result<Camera> {
     camera_of(scene, Side::CHOSEN, width, height)
 }
 
-/// Returns a perspective camera that frames what the scene shows of its data ([`visible`]) from a side.
+/// Returns a perspective camera that frames what the scene shows of its data ([`visible()`]) from a side.
 ///
 /// # Errors
 ///
