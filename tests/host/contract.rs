@@ -104,6 +104,18 @@ fn the_tables_of_options_follow_from_the_declarations() {
 }
 
 #[test]
+fn every_preset_has_its_row_and_picture() {
+    let page = read("docs/PRESETS.md");
+    for preset in volraster::io::scene_file::PRESETS {
+        let row =
+            format!("| `{0}` | {1} | ![{0}, head](images/presets/{0}-head.png)", preset.name, preset.purpose);
+        assert!(page.contains(&row), "{row}");
+        let picture = format!("docs/images/presets/{}-head.png", preset.name);
+        assert!(Path::new(env!("CARGO_MANIFEST_DIR")).join(&picture).exists(), "{picture}");
+    }
+}
+
+#[test]
 fn every_technique_has_its_row_and_its_options_are_documented() {
     let readme = read("README.md");
     for method in Method::ALL {
