@@ -90,11 +90,11 @@ fn looks_are_chosen_by_options() {
         let scene = folder.scene(&text).unwrap().scene;
         assert_eq!((scene.transfer, scene.mode.name()), (want, mode), "{options}");
     }
-    // The opacity of a scene file is its own; a technique is kept for its mode.
+    // A technique of a scene file is kept for its own look.
     let scene = |options: &str| {
         folder.run(&format!("-q render scene.json -o out.exr --stats out.stats {options}")).done()
     };
-    for (options, technique) in [("--scale 2", "slices-3d"), ("--preset fog", "slabs")] {
+    for (options, technique) in [("--scale 2", "slices-3d"), ("--preset ct-bone", "slabs")] {
         scene(options);
         assert_eq!(folder.json("out.stats")["technique"], technique, "{options}");
     }
