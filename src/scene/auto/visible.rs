@@ -66,53 +66,58 @@ impl Shown {
     }
 }
 
-/// Finds the first and the last visible layer of cells along each axis, from outside inwards.
+/// Finds the first and the last layer of cells along each axis of which more than noise is visible.
 fn of_grid(grid: &Grid, shown: &Shown) -> Option<[DVec3; 8]> {
-    let ends = |axis: usize| {
-        let layers = grid.dims()[axis] - 1;
-        let low = (0..layers).find(|&layer| layer_shows(grid, shown, axis, layer))?;
-        let high = (low..layers).rev().find(|&layer| layer_shows(grid, shown, axis, layer))?;
-        Some([f64::from(low), f64::from(high + 1)])
+    let cells = grid.dims().map(|side| side - 1);
+    let none = || cells.map(|count| vec![0_u32; num::index(count)]);
+    let of_slab = |mut counts: [Vec<u32>; 3], k: u32| {
+        for j in 0..cells[1] {
+            let visible = count_row(grid, shown, [j, k], &mut counts[0]);
+            counts[1][num::index(j)] += visible;
+            counts[2][num::index(k)] += visible;
+        }
+        counts
     };
-    // Where nothing is visible, one axis says so.
+    let sum = |mut counts: [Vec<u32>; 3], others: [Vec<u32>; 3]| {
+        for (count, other) in counts.iter_mut().flatten().zip(others.iter().flatten()) {
+            *count += other;
+        }
+        counts
+    };
+    let counts = (0..cells[2]).into_par_iter().fold(none, of_slab).reduce(none, sum);
+    let ends = |axis: usize| {
+        let layer = f64::from(cells[(axis + 1) % 3]) * f64::from(cells[(axis + 2) % 3]);
+        let visible = |count: &u32| f64::from(*count) > NOISE * layer;
+        let low = counts[axis].iter().position(visible)?;
+        let high = counts[axis].iter().rposition(visible)?;
+        Some([num::f64_of(low), num::f64_of(high + 1)])
+    };
     let [x, y, z] = [ends(0)?, ends(1)?, ends(2)?];
     let bounds = [0, 1].map(|end| DVec3::new(x[end], y[end], z[end]));
     Some(box_corners(bounds).map(|corner| grid.world_of_index(corner)))
 }
 
-/// Returns whether more than noise is visible in the cells between two layers of samples.
-fn layer_shows(grid: &Grid, shown: &Shown, axis: usize, layer: u32) -> bool {
-    let dims = grid.dims();
-    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-    let value = |i: u32, j: u32, k: u32| {
-        let mut index = [0; 3];
-        (index[axis], index[u], index[v]) = (k, i, j);
-        grid.value(index[0], index[1], index[2])
-    };
-    // Least and greatest of the samples at a place of both layers in two rows; NaN makes a cell vacuum.
-    let column = |i: u32, j: u32| {
-        let all =
-            [(j, layer), (j + 1, layer), (j, layer + 1), (j + 1, layer + 1)].map(|(j, k)| value(i, j, k));
+/// Counts the visible cells of a row along x for each place, and returns their number.
+fn count_row(grid: &Grid, shown: &Shown, [j, k]: [u32; 2], counts: &mut [u32]) -> u32 {
+    // Least and greatest of the samples at a place in the four rows of samples around; NaN makes a cell vacuum.
+    let column = |i: u32| {
+        let all = [(j, k), (j + 1, k), (j, k + 1), (j + 1, k + 1)].map(|(j, k)| grid.value(i, j, k));
         let least = all.into_iter().fold(f64::INFINITY, f64::min);
         let greatest = all.into_iter().fold(f64::NEG_INFINITY, f64::max);
         if all.iter().any(|s| s.is_nan()) { [f64::NAN; 2] } else { [least, greatest] }
     };
-    let (columns, rows) = (dims[u] - 1, dims[v] - 1);
-    let visible: usize = (0..rows)
-        .into_par_iter()
-        .map(|j| {
-            let mut last = column(0, j);
-            let cells = (1..=columns).filter(|&i| {
-                let next = column(i, j);
-                let cell = [last[0].min(next[0]), last[1].max(next[1])];
-                let vacuum = last[0].is_nan() || next[0].is_nan();
-                last = next;
-                !vacuum && shown.meets(cell)
-            });
-            cells.count()
-        })
-        .sum();
-    num::f64_of(visible) > NOISE * f64::from(columns) * f64::from(rows)
+    let mut last = column(0);
+    let mut visible = 0;
+    for (i, count) in (1..).zip(counts) {
+        let next = column(i);
+        let vacuum = last[0].is_nan() || next[0].is_nan();
+        if !vacuum && shown.meets([last[0].min(next[0]), last[1].max(next[1])]) {
+            *count += 1;
+            visible += 1;
+        }
+        last = next;
+    }
+    visible
 }
 
 /// Bounds that hold nothing.
