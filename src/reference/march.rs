@@ -540,7 +540,7 @@ mod tests {
         }
     }
 
-    /// What lies behind the end of a ray changes no bit of its pixel: bright behind dark, which shows for long.
+    /// Segments behind the end of a ray change no bit of its pixel: bright behind dark, which shows for long.
     #[test]
     fn rays_end_where_nothing_behind_shows() {
         let rows = [[0.0, 1e-6, 1e-3, 0.0, 0.5], [1.0, 1.0, 1.0, 0.0, 0.7]];

@@ -14,7 +14,7 @@ pub use visible::visible;
 
 use glam::DVec3;
 
-pub(super) use self::statistics::DEPTH;
+pub use self::statistics::DEPTH;
 use self::statistics::{COOL, WARM, knot, quantile, sorted};
 use super::{Data, Kernels, Knot, Lighting, Mode, TransferFunction};
 use crate::error::{Error, Result};

@@ -47,7 +47,7 @@ enum Light {
 
 /// Hounsfield units of air and of dense bone.
 const HOUNSFIELD: [f64; 2] = [-1000.0, 2000.0];
-/// What scanners of 12 bits add to Hounsfield units to make them positive.
+/// The number that scanners of 12 bits add to Hounsfield units to make them positive.
 const OFFSET: f64 = 1024.0;
 /// Optical depth of the densest tenth of the rays through a radiograph: no ray saturates.
 const RADIOGRAPH: f64 = 1.5;

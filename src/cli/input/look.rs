@@ -103,9 +103,6 @@ fn side(text: &str) -> std::result::Result<Side, String> {
     }
 }
 
-/// Optical depth of the densest tenth of the rays for a shape of extinction.
-const DEPTH: f64 = 5.0;
-
 impl LookArgs {
     /// Returns the scene with this look. The technique that a scene file names is for its own mode.
     pub(crate) fn apply(&self, input: Input) -> Result<Input> {
@@ -154,7 +151,7 @@ impl LookArgs {
     /// Returns the transfer function if it differs from the scene's: a base, stretched, with another extinction, other colours, and scaled.
     fn transfer(&self, scene: &Scene, is_automatic: bool) -> Result<Option<TransferFunction>> {
         let (data, kernels) = (&scene.data, scene.kernels.as_ref());
-        let fitted = |transfer: &TransferFunction| auto::fitted(data, kernels, transfer, DEPTH);
+        let fitted = |transfer: &TransferFunction| auto::fitted(data, kernels, transfer, auto::DEPTH);
         let mut changed = None;
         if let Some(s) = self.isosurface {
             changed = Some(auto::isosurface(data, s, auto::ISOSURFACE_COLOUR)?);

@@ -106,8 +106,8 @@ pub(super) fn quantile(sorted: &[f64], share: f64) -> f64 {
     sorted[num::usize_of((share * num::f64_of(last)).round()).min(last)]
 }
 
-/// Optical depth of the densest tenth of the rays through the data.
-pub(in crate::scene) const DEPTH: f64 = 5.0;
+/// The optical depth that automatic transfer functions have along the densest tenth of the rays through the data.
+pub const DEPTH: f64 = 5.0;
 /// Optical depth of the values with the least extinction along the densest tenth of the rays through them alone.
 pub(super) const HAZE: f64 = 0.3;
 /// For each knot: the share of the foreground's samples below it, and its relative extinction.
