@@ -96,11 +96,17 @@ pub(crate) fn check_apart(what: &str, path: &Path, others: &[(&PathBuf, &str)]) 
 
 /// Checks an output image path: its ending, and that it is writable.
 pub(crate) fn check_image(path: &Path) -> Result<()> {
+    check_ending(path)?;
+    check_writable(path)
+}
+
+/// Checks that the name of an image is that of a format that is written.
+pub(crate) fn check_ending(path: &Path) -> Result<()> {
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
     if !matches!(ending.as_deref(), Some("exr" | "png")) {
         return Err(refuse(path, "file name", "must end in .exr or .png"));
     }
-    check_writable(path)
+    Ok(())
 }
 
 /// Checks that a folder is writable or can be created, by creating and removing a temporary file.

@@ -105,13 +105,8 @@ pub fn read_exr(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Image> 
 /// [`Error::Io`] if the file cannot be written, [`Error::File`] if it must not be replaced; no partial
 /// file remains.
 pub fn write_png(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) -> Result<()> {
-    let opaque = background[3] >= 1.0;
-    let channels = if opaque { 3 } else { 4 };
-    let mut bytes = Vec::with_capacity(image.pixels().len() * channels);
-    for &pixel in image.pixels() {
-        bytes.extend_from_slice(&encode(pixel.map(f64::from), background)[..channels]);
-    }
-    let colour = if opaque { ExtendedColorType::Rgb8 } else { ExtendedColorType::Rgba8 };
+    let bytes = to_srgb8(image, background);
+    let colour = if background[3] >= 1.0 { ExtendedColorType::Rgb8 } else { ExtendedColorType::Rgba8 };
     replace(path.as_ref(), |writer| {
         PngEncoder::new(writer).write_image(&bytes, image.width(), image.height(), colour).map_err(
             |e| match e {
@@ -120,6 +115,17 @@ pub fn write_png(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) ->
             },
         )
     })
+}
+
+/// Returns the bytes of the pixels of [`write_png`], row by row: three for each pixel over an opaque background, else four.
+#[must_use]
+pub fn to_srgb8(image: &Image, background: [f64; 4]) -> Vec<u8> {
+    let channels = if background[3] >= 1.0 { 3 } else { 4 };
+    let mut bytes = Vec::with_capacity(image.pixels().len() * channels);
+    for &pixel in image.pixels() {
+        bytes.extend_from_slice(&encode(pixel.map(f64::from), background)[..channels]);
+    }
+    bytes
 }
 
 /// Composites a premultiplied linear pixel over a straight linear background, and encodes the result as straight

@@ -47,6 +47,8 @@ pub struct ReadOptions {
     pub covariance: Option<String>,
     /// For points: the array of weights.
     pub weight: Option<String>,
+    /// The step to read of a time series, counted from 0; the default is the first. Other files have no steps.
+    pub step: Option<u32>,
     /// The callback for progress.
     pub progress: Option<Progress>,
 }
@@ -55,7 +57,15 @@ impl ReadOptions {
     /// Returns the defaults with this memory limit in bytes.
     #[must_use]
     pub const fn within(max_bytes: u64) -> Self {
-        Self { max_bytes, array: None, radius: None, covariance: None, weight: None, progress: None }
+        Self {
+            max_bytes,
+            array: None,
+            radius: None,
+            covariance: None,
+            weight: None,
+            step: None,
+            progress: None,
+        }
     }
 
     /// Refuses kernel sizes and weights for data without kernels.

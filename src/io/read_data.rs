@@ -1,24 +1,27 @@
 //! Reading of data files and of files in memory, in any known format, and of folders: a stack of slices, one per file,
 //! or exactly one data file.
 
-use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::io::build::arrays;
 use crate::io::build::data_file::DataFile;
+use crate::io::build::file_names::{is_number, natural, pieces};
 use crate::io::file::source::{Source, list};
 use crate::io::formats::dicom::{self, recognise};
 use crate::io::formats::refused;
+use crate::io::formats::series;
 use crate::io::formats::tiff::{self, file};
 use crate::io::options::{ReadOptions, Request, Wanted};
 use crate::io::reader::Reader as _;
 use crate::io::registry::{by_content, by_name, checked, read_source};
-use crate::io::report::{Content, Found, Loaded};
+use crate::io::report::{Content, Found, Loaded, Step};
+use crate::num;
 use crate::scene::{Data, Grid};
 
 /// Reads a data file in any known format. The content selects the format; the file name extension is used only if no
-/// format recognises the content. A folder is read as a stack of slices, or as the one data file in it.
+/// format recognises the content. A folder is read as a stack of slices, or as the one data file in it; of a series of
+/// time steps (`.pvd`, `.series`, or a name with `*`) one step is read.
 ///
 /// # Errors
 ///
@@ -73,6 +76,25 @@ fn as_arrays(Loaded { data, mut report }: Found) -> Loaded<DataFile> {
 
 /// Finds the reader of a file or a folder, and reads it.
 fn find(path: &Path, request: &Request) -> Result<Found> {
+    let Some(steps) = series::steps(path, request)? else {
+        return match request.step {
+            Some(step) => Err(Error::file(path, format!("step {step}"), "this is no series of time steps")),
+            None => find_one(path, request),
+        };
+    };
+    let (step, count) = (num::index(request.step.unwrap_or(0)), steps.len());
+    let Some(Step { file, .. }) = steps.get(step) else {
+        let rule = format!("there are {count}, from 0 to {}", count - 1);
+        return Err(Error::file(path, format!("step {step}"), rule));
+    };
+    let mut found = find_one(file, request)?;
+    found.report.notes.push(format!("step {step} of {count}: {}", file.display()));
+    found.report.steps = steps;
+    Ok(found)
+}
+
+/// Finds the reader of a file or a folder that is no series, and reads it.
+fn find_one(path: &Path, request: &Request) -> Result<Found> {
     if let Some(refusal) = refused::folder(path) {
         return Err(refusal);
     }
@@ -238,41 +260,6 @@ fn left_out_note(names: &[String]) -> Option<String> {
     Some(if more > 0 { format!("left out: {list}, and {more} more") } else { format!("left out: {list}") })
 }
 
-/// Splits a name into alternating pieces of text and digits.
-fn pieces(name: &str) -> Vec<&str> {
-    let digit = |byte: u8| byte.is_ascii_digit();
-    name.as_bytes()
-        .chunk_by(|&a, &b| digit(a) == digit(b))
-        // Digits are ASCII, so pieces begin and end at character boundaries.
-        .scan(0, |at, piece| {
-            let begin = *at;
-            *at += piece.len();
-            name.get(begin..*at)
-        })
-        .collect()
-}
-
-fn is_number(piece: &str) -> bool {
-    piece.starts_with(|c: char| c.is_ascii_digit())
-}
-
-/// Compares names so that numbers in them sort by value: 2 before 10.
-fn natural(a: &str, b: &str) -> Ordering {
-    let (left, right) = (pieces(a), pieces(b));
-    for (left, right) in left.iter().zip(&right) {
-        let order = if is_number(left) && is_number(right) {
-            let (left, right) = (left.trim_start_matches('0'), right.trim_start_matches('0'));
-            left.len().cmp(&right.len()).then_with(|| left.cmp(right))
-        } else {
-            left.cmp(right)
-        };
-        if order != Ordering::Equal {
-            return order;
-        }
-    }
-    left.len().cmp(&right.len()).then_with(|| a.cmp(b))
-}
-
 /// Returns a warning if the names of consecutive slices suggest gaps or several series.
 fn numbering(paths: &[PathBuf]) -> Option<String> {
     let names: Vec<String> = paths.iter().map(|path| name(path)).collect();
@@ -303,18 +290,6 @@ fn numbering(paths: &[PathBuf]) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn numbers_in_names_count() {
-        let mut names =
-            ["b1", "a10", "a2", "a02", "a2b", "a", "10", "9", "a2a10", "\u{e9}2", "a99999999999999999999"];
-        names.sort_by(|a, b| natural(a, b));
-        assert_eq!(
-            names,
-            ["9", "10", "a", "a02", "a2", "a2a10", "a2b", "a10", "a99999999999999999999", "b1", "\u{e9}2"]
-        );
-        assert_eq!(pieces("z\u{e9}12x003"), ["z\u{e9}", "12", "x", "003"]);
-    }
 
     #[test]
     fn gaps_and_mixtures_are_told() {

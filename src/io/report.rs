@@ -1,5 +1,7 @@
 //! The result of reading: scene data, and a report of how it was read.
 
+use std::path::PathBuf;
+
 use crate::io::build::arrays::ArrayInfo;
 use crate::io::build::data_file::DataFile;
 use crate::scene::Data;
@@ -16,10 +18,21 @@ pub struct Report {
     pub shown: Option<String>,
     /// The range of the file's finite values, where those of the data were computed from them: resampled, or of cells that were cut.
     pub file_range: Option<[f64; 2]>,
+    /// The steps of the series that the file is; else empty.
+    pub steps: Vec<Step>,
     /// Changes made to the data.
     pub notes: Vec<String>,
     /// Assumptions and ignored contents that may make the result wrong.
     pub warnings: Vec<String>,
+}
+
+/// A step of a time series.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// The data file.
+    pub file: PathBuf,
+    /// The time, if the series tells it.
+    pub time: Option<f64>,
 }
 
 impl Report {

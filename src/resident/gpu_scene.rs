@@ -19,7 +19,7 @@ use crate::resident::tables::{Integrator, Knots, SegmentOptions, TABLE_FORMAT, T
 use crate::resident::volume::{Form, Layout, Volume};
 use crate::scene::grid::diagonal;
 use crate::scene::{
-    Grid, Kernel, Kernels, Mode, Model, Samples, Scene, Surface, TetScalars, Tets, TransferFunction,
+    Data, Grid, Kernel, Kernels, Mode, Model, Samples, Scene, Surface, TetScalars, Tets, TransferFunction,
 };
 
 /// A scene with its data on the device.
@@ -127,20 +127,46 @@ impl GpuScene {
         Ok(Arc::new(Self { mesh, surfaces, ..Self::unshared(&self.gpu, scene) }))
     }
 
-    /// Returns the same grid with other samples of any type, such as the next step of a time series; uploads nothing
-    /// yet.
-    ///
-    /// Pipelines, knots and tables do not depend on samples, and are shared. Plans must be prepared for the new scene;
-    /// another thread can do that while frames of the old one are in flight.
+    /// Returns the same grid with other samples of any type, such as the next step of a time series, as
+    /// [`Self::with_data`] does.
     ///
     /// # Errors
     ///
     /// As [`Grid::with_samples`]; [`Error::Invalid`] where the scene holds no grid.
     pub fn with_samples(&self, samples: Samples) -> Result<Arc<Self>> {
-        let grid = self.grid()?.with_samples(samples)?;
-        let scene = Scene { data: grid.into(), ..self.scene.clone() };
-        let (tables, surfaces) = (self.tables.clone(), self.surfaces.clone());
-        Ok(Arc::new(Self { tables, surfaces, ..Self::unshared(&self.gpu, scene) }))
+        self.with_data(self.grid()?.with_samples(samples)?)
+    }
+
+    /// Returns the same scene with other data, such as the next step of a time series; uploads nothing yet.
+    ///
+    /// Pipelines are shared; so are tables where the size of the data is equal, and the topology of a mesh with equal
+    /// points and cells. Plans must be prepared for the new scene; another thread can do that while frames of the old
+    /// one are in flight.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::with_kernels`] and [`Scene::with_mode`].
+    pub fn with_data(&self, data: impl Into<Data>) -> Result<Arc<Self>> {
+        let Scene { data: own, transfer, kernels, surfaces, mode } = &self.scene;
+        let mut scene = Scene::new(data, transfer.clone()).with_mode(*mode)?.with_surfaces(surfaces.clone());
+        if let Some(kernels) = kernels {
+            scene = scene.with_kernels(*kernels)?;
+        }
+        let mesh = match (own, &scene.data) {
+            (Data::Mesh(own), Data::Mesh(other))
+                if own.points() == other.points() && own.cells() == other.cells() =>
+            {
+                Arc::new(self.mesh.with_other_scalars())
+            }
+            _ => Arc::default(),
+        };
+        let mut other = Self { mesh, surfaces: self.surfaces.clone(), ..Self::unshared(&self.gpu, scene) };
+        if let (Ok(own), Ok(length)) = (self.longest_segment(), other.longest_segment())
+            && own == length
+        {
+            other.tables = self.tables.clone();
+        }
+        Ok(Arc::new(other))
     }
 
     /// Returns the same scene with other surfaces, such as surfaces that move. All other data on the device is shared;

@@ -16,6 +16,7 @@ mod folder;
 
 mod accumulation;
 mod bounds;
+mod changes;
 mod choice;
 mod counts;
 mod extremes;

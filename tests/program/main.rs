@@ -17,6 +17,7 @@ mod folder;
 mod cli;
 mod dependant;
 mod examples;
+mod films;
 mod reports;
 mod selftest;
 mod splat_program;

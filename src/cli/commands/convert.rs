@@ -22,6 +22,9 @@ pub(crate) struct Args {
     /// Write only this array, or a part of it: a component (0, 1, ..., or a letter of xyzw or rgba) or `magnitude`.
     #[arg(long, value_name = "[point:|cell:]NAME[:PART]")]
     only: Option<String>,
+    /// Time step to convert of a series, from 0 [default: 0].
+    #[arg(long, value_name = "N")]
+    step: Option<u32>,
 }
 
 impl Args {
@@ -44,7 +47,7 @@ impl Args {
     }
 
     fn load(&self, format: OutputFormat) -> Result<Loaded<DataFile>> {
-        let options = ReadOptions { array: self.only.clone(), ..ReadOptions::default() };
+        let options = ReadOptions { array: self.only.clone(), step: self.step, ..ReadOptions::default() };
         let options = output::with_progress(&self.input, options);
         if SceneFile::is_at(&self.input, &options) {
             let LoadedScene { scene, file, report, .. } = LoadedScene::load_any(&self.input, &options)?;

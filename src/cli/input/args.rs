@@ -89,6 +89,10 @@ pub(crate) struct ArraysArgs {
     /// For points: array of weights.
     #[arg(long, value_name = "NAME")]
     weight: Option<String>,
+    /// Time step to read of a series, from 0: of a .pvd or .series file, or of files that a name with `*` fits, in the
+    /// order of the numbers in their names.
+    #[arg(long, value_name = "N")]
+    step: Option<u32>,
 }
 
 impl ArraysArgs {
@@ -99,6 +103,7 @@ impl ArraysArgs {
             covariance: self.covariance.clone(),
             weight: self.weight.clone(),
             array: self.array.clone(),
+            step: self.step,
             ..ReadOptions::default()
         }
     }

@@ -50,6 +50,22 @@ impl Input {
     /// Reads a scene file or a data file with a progress bar, and prints its warnings. `size` replaces the image
     /// size; an automatic camera adapts to it.
     pub(crate) fn load(path: &Path, size: Option<Size>, arrays: &ArraysArgs, quiet: bool) -> Result<Self> {
+        let input = Self::load_step(path, size, arrays, quiet)?;
+        let count = input.settings.report.steps.len();
+        if !quiet && count > 1 && arrays.options().step.is_none() {
+            let text = format!("shows the first of {count} time steps; --step N shows another");
+            output::complain(&format!("{}: {text}", path.display()));
+        }
+        Ok(input)
+    }
+
+    /// Reads like [`Input::load`], for a command that draws all steps of a series.
+    pub(crate) fn load_step(
+        path: &Path,
+        size: Option<Size>,
+        arrays: &ArraysArgs,
+        quiet: bool,
+    ) -> Result<Self> {
         let input = Self::load_within(path, size, &output::with_progress(path, arrays.options()))?;
         if !quiet {
             output::warn(&input.settings.data, &input.settings.report.warnings);

@@ -1,4 +1,6 @@
-//! Names of the files that hold a volume: listed, or numbered by a pattern.
+//! Names of the files that hold a volume: listed, or numbered by a pattern; and the order of names with numbers.
+
+use std::cmp::Ordering;
 
 use crate::num;
 
@@ -32,9 +34,9 @@ impl Files {
     }
 }
 
-/// Numbered file names, as a C format string gives them.
+/// Numbered file names, as a format of C with one `%d` gives them.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Numbered {
+pub struct Numbered {
     before: String,
     /// The width up to which zeros or blanks are padded.
     width: usize,
@@ -50,8 +52,9 @@ impl Numbered {
     const MAX_WIDTH: usize = 20;
 
     /// Parses a pattern with one `%d`, `%03d`, `%u` or `%i`; `%%` is a percent sign. Returns None if the text is not
-    /// such a pattern.
-    pub(crate) fn parse(pattern: &str) -> Option<Self> {
+    /// such a pattern. Numbers start at 0.
+    #[must_use]
+    pub fn parse(pattern: &str) -> Option<Self> {
         let (mut before, mut after, mut number) = (String::new(), String::new(), None);
         let mut rest = pattern;
         while let Some((text, more)) = rest.split_once('%') {
@@ -100,7 +103,9 @@ impl Numbered {
         Ok(Self { first, step, count, ..self })
     }
 
-    fn name(&self, index: usize) -> String {
+    /// Returns the name of the file with this index, counted from 0.
+    #[must_use]
+    pub fn name(&self, index: usize) -> String {
         let index = i64::try_from(index).unwrap_or(i64::MAX);
         let number = self.first.saturating_add(self.step.saturating_mul(index));
         let Self { before, width, after, .. } = self;
@@ -112,9 +117,56 @@ impl Numbered {
     }
 }
 
+/// Splits a name into alternating pieces of text and digits.
+pub(crate) fn pieces(name: &str) -> Vec<&str> {
+    let digit = |byte: u8| byte.is_ascii_digit();
+    name.as_bytes()
+        .chunk_by(|&a, &b| digit(a) == digit(b))
+        // Digits are ASCII, so pieces begin and end at character boundaries.
+        .scan(0, |at, piece| {
+            let begin = *at;
+            *at += piece.len();
+            name.get(begin..*at)
+        })
+        .collect()
+}
+
+pub(crate) fn is_number(piece: &str) -> bool {
+    piece.starts_with(|c: char| c.is_ascii_digit())
+}
+
+/// Compares names so that numbers in them sort by value: 2 before 10.
+pub(crate) fn natural(a: &str, b: &str) -> Ordering {
+    let (left, right) = (pieces(a), pieces(b));
+    for (left, right) in left.iter().zip(&right) {
+        let order = if is_number(left) && is_number(right) {
+            let (left, right) = (left.trim_start_matches('0'), right.trim_start_matches('0'));
+            left.len().cmp(&right.len()).then_with(|| left.cmp(right))
+        } else {
+            left.cmp(right)
+        };
+        if order != Ordering::Equal {
+            return order;
+        }
+    }
+    left.len().cmp(&right.len()).then_with(|| a.cmp(b))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_in_names_count() {
+        let mut names =
+            ["b1", "a10", "a2", "a02", "a2b", "a", "10", "9", "a2a10", "\u{e9}2", "a99999999999999999999"];
+        names.sort_by(|a, b| natural(a, b));
+        assert_eq!(
+            names,
+            ["9", "10", "a", "a02", "a2", "a2a10", "a2b", "a10", "a99999999999999999999", "b1", "\u{e9}2"]
+        );
+        assert_eq!(pieces("z\u{e9}12x003"), ["z\u{e9}", "12", "x", "003"]);
+    }
 
     #[test]
     fn patterns_are_those_of_c() {

@@ -16,6 +16,7 @@ pub(crate) mod obj;
 pub(crate) mod ply;
 pub(crate) mod raw;
 pub(crate) mod refused;
+pub(crate) mod series;
 pub(crate) mod tiff;
 pub(crate) mod triangles;
 pub(crate) mod vtk_legacy;

@@ -4,7 +4,7 @@
 //! by their extents, those of unstructured grids one after another. The origin of an image is the position of index 0, also
 //! if its extent begins elsewhere. A negative spacing reverses its axis. Field data is skipped.
 
-mod attributes;
+pub(crate) mod attributes;
 mod blocks;
 mod bytes;
 mod cells;

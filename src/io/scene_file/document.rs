@@ -6,6 +6,8 @@ use glam::DVec3;
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
+use crate::io::options::ReadOptions;
+use crate::io::scene_file::data::SceneData;
 use crate::io::scene_file::kernels::{KernelsSpec, Kind};
 use crate::io::scene_file::mesh::MeshSpec;
 use crate::io::scene_file::mode::LightingSpec;
@@ -34,6 +36,25 @@ pub(crate) struct Document {
     pub(crate) technique: Option<TechniqueChoice>,
 }
 
+impl Document {
+    /// Takes the description of the data, which must be of one kind.
+    pub(crate) fn data(&mut self, path: &Path) -> Result<DataSpec> {
+        match (self.volume.take(), self.mesh.take(), self.points.take()) {
+            (Some(volume), None, None) => Ok(DataSpec::Volume(Box::new(volume))),
+            (None, Some(mesh), None) => Ok(DataSpec::Mesh(mesh)),
+            (None, None, Some(points)) => Ok(DataSpec::Points(points)),
+            (None, None, None) => {
+                let rule = "missing: a scene needs data, in `volume`, `mesh` or `points`";
+                Err(Error::file(path, "volume", rule))
+            }
+            (_, _, points) => {
+                let second = if points.is_some() { "points" } else { "mesh" };
+                Err(Error::file(path, second, "a scene has one of `volume`, `mesh` and `points`"))
+            }
+        }
+    }
+}
+
 /// The description of the data, before it is read.
 pub(crate) enum DataSpec {
     Volume(Box<VolumeSpec>),
@@ -57,6 +78,21 @@ impl DataSpec {
             },
         };
         spec.map(|spec| spec.check(path, "kernels", kind)).transpose()
+    }
+
+    /// Reads the data.
+    pub(crate) fn load(self, path: &Path, options: &ReadOptions) -> Result<SceneData> {
+        let data = match self {
+            Self::Volume(volume) => volume.load(path, options)?,
+            Self::Mesh(mesh) => mesh.load(path, options)?,
+            Self::Points(points) => points.load(path, options)?,
+        };
+        match options.step {
+            Some(step) if data.report.steps.is_empty() => {
+                Err(Error::file(path, format!("step {step}"), "its data is no series of time steps"))
+            }
+            _ => Ok(data),
+        }
     }
 }
 

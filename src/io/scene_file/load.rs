@@ -11,7 +11,7 @@ use crate::io::options::ReadOptions;
 use crate::io::read_data;
 use crate::io::report::{Loaded, Report};
 use crate::io::scene_file::data::SceneData;
-use crate::io::scene_file::document::{DataSpec, Document};
+use crate::io::scene_file::document::Document;
 use crate::io::scene_file::technique::TechniqueChoice;
 use crate::io::scene_file::transfer::Recipe;
 use crate::io::scene_file::{mode, surfaces};
@@ -75,6 +75,23 @@ impl LoadedScene {
     pub fn from_data(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self> {
         let path = path.as_ref();
         Self::from_loaded(path, read_data::read(path, options)?)
+    }
+
+    /// Reads only the data of a scene file or a data file: of another step of a series, for example, to draw it like
+    /// the first.
+    ///
+    /// # Errors
+    ///
+    /// As [`SceneFile::load`] and [`io::read`](crate::io::read).
+    pub fn read_data(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Loaded> {
+        let path = path.as_ref();
+        let SceneData { data, report, .. } = if SceneFile::is_at(path, options) {
+            let mut document: Document = parse_file(path, options)?;
+            document.data(path)?.load(path, options)?
+        } else {
+            SceneData::new(path, read_data::read(path, options)?)
+        };
+        Ok(Loaded { data, report })
     }
 
     /// Completes data that has been read, as [`Self::from_data`] does. `path` is for messages.
@@ -174,24 +191,13 @@ impl SceneFile {
     /// that it names breaks a rule.
     pub fn load(path: impl AsRef<Path>, options: &ReadOptions) -> Result<LoadedScene> {
         let path = path.as_ref();
-        let document: Document = parse_file(path, options)?;
-        let refuse = |place: &str, rule: &str| Err(Error::file(path, place, rule));
-        let source = match (document.volume, document.mesh, document.points) {
-            (Some(volume), None, None) => DataSpec::Volume(Box::new(volume)),
-            (None, Some(mesh), None) => DataSpec::Mesh(mesh),
-            (None, None, Some(points)) => DataSpec::Points(points),
-            (None, None, None) => {
-                return refuse("volume", "missing: a scene needs data, in `volume`, `mesh` or `points`");
-            }
-            (_, _, points) => {
-                let second = if points.is_some() { "points" } else { "mesh" };
-                return refuse(second, "a scene has one of `volume`, `mesh` and `points`");
-            }
-        };
+        let mut document: Document = parse_file(path, options)?;
+        let source = document.data(path)?;
         if let Some(background) = document.background {
             let valid = background.iter().all(|v| *v >= 0.0 && v.is_finite()) && background[3] <= 1.0;
             if !valid {
-                return refuse("background", "must be four numbers that are not negative, alpha at most 1");
+                let rule = "must be four numbers that are not negative, alpha at most 1";
+                return Err(Error::file(path, "background", rule));
             }
         }
         // The cheap parts are checked before the data is read.
@@ -207,11 +213,7 @@ impl SceneFile {
         let mode = mode::mode(path, document.mode.as_deref(), document.lighting.as_ref())?;
         let clip = document.clip.map(|clip| clip.check(path)).transpose()?.unwrap_or_default();
         let surfaces = surfaces::load(&document.opaque.unwrap_or_default(), path, options)?;
-        let source = match source {
-            DataSpec::Volume(volume) => volume.load(path, options)?,
-            DataSpec::Mesh(mesh) => mesh.load(path, options)?,
-            DataSpec::Points(points) => points.load(path, options)?,
-        };
+        let source = source.load(path, options)?;
         let own = recipe.as_ref().map(|recipe| recipe.mode(&source.data, kernels.as_ref()));
         let mode = mode.or(own).unwrap_or(Mode::Emission);
         let transfer = recipe.map(|recipe| recipe.build(&source.data, kernels.as_ref())).transpose()?;

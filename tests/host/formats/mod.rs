@@ -26,6 +26,7 @@ mod ply;
 mod raw;
 mod real;
 mod refused;
+mod series;
 pub mod support;
 mod tiff;
 mod triangles;
