@@ -19,8 +19,8 @@ fn other_data_draws_as_a_scene_of_its_own() {
     let grid = |field: Field, dims: [u32; 3]| field.sample(dims, "f32").unwrap();
     let small = grid(Field::Blobs, [12, 10, 8]);
     let large = |grid: Grid| {
-        let spacing = DVec3::splat(2.0) * grid.spacing();
-        grid.with_placement(spacing, DVec3::splat(-2.0), DMat3::IDENTITY).unwrap()
+        let spacing = DVec3::splat(1.3) * grid.spacing();
+        grid.with_placement(spacing, DVec3::splat(-1.3), DMat3::IDENTITY).unwrap()
     };
     let mesh = |field: Field, cubes: u32| field.tets(cubes).unwrap();
     let other_scalars = {
@@ -32,7 +32,7 @@ fn other_data_draws_as_a_scene_of_its_own() {
     let all: [(&str, &[&str], Vec<Data>); 3] = [
         (
             "grid",
-            &["slabs", "slices-3d", "shear-warp"],
+            &["slabs:integrator=full,table=64,step=3", "slices-3d", "shear-warp"],
             vec![
                 small.clone().into(),
                 grid(Field::Ramp, [12, 10, 8]).into(),
