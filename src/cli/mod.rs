@@ -1,9 +1,10 @@
 //! The command-line program: arguments, commands, and everything that only the program needs.
 //!
 //! The program uses the library through its public interface alone; nothing uses the program. Imports point downwards:
-//! `dispatch`, then `commands` (a file or folder each, independent of one another), then `plot` and `input`, then the files
+//! `dispatch`, then `commands` (a file or folder each, independent of one another), then `annotate`, `plot` and `input`, then the files
 //! below, which know no command.
 
+mod annotate;
 mod cache;
 mod commands;
 mod dispatch;

@@ -98,10 +98,15 @@ fn looks_are_chosen_by_options() {
         scene(options);
         assert_eq!(folder.json("out.stats")["technique"], technique, "{options}");
     }
-    folder
-        .run("-q render grid.nrrd -o out.png --background #ffffff --size 8x8 --preset log --range 90..99")
-        .done();
-    assert!(image::open(folder.path("out.png")).unwrap().to_rgb8().pixels().all(|pixel| pixel.0 == [255; 3]));
+    for white in ["#ffffff", "white"] {
+        folder
+            .run(&format!(
+                "-q render grid.nrrd -o out.png --background {white} --size 8x8 --preset log --range 90..99"
+            ))
+            .done();
+        let picture = image::open(folder.path("out.png")).unwrap().to_rgb8();
+        assert!(picture.pixels().all(|pixel| pixel.0 == [255; 3]), "{white}");
+    }
     for (options, parts) in [
         ("--preset smoke", vec!["--preset", "'smoke'", "ct-bone"]),
         ("--colormap jet", vec!["--colormap", "'jet'", "viridis"]),

@@ -14,6 +14,7 @@ mod common;
 #[path = "../common/folder.rs"]
 mod folder;
 
+mod annotations;
 mod cli;
 mod dependant;
 mod examples;

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use volraster::reference::{self, ReferenceOptions};
 
+use crate::cli::annotate::AnnotationArgs;
 use crate::cli::input::{ArraysArgs, Input, LookArgs, Size};
 use crate::cli::outcome::Outcome;
 use crate::cli::output;
@@ -19,6 +20,8 @@ pub(crate) struct Args {
     arrays: ArraysArgs,
     #[command(flatten)]
     look: LookArgs,
+    #[command(flatten)]
+    annotations: AnnotationArgs,
     /// Output image: .exr (rounded to 32-bit float) or .png.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -41,8 +44,12 @@ impl Args {
         let image = output::counting_rows(&settings.view, |rows| {
             reference::render(&scene, &settings.view, &options, Some(rows))
         });
-        let image = image?.to_image()?;
+        let mut image = image?.to_image()?;
         let seconds = start.elapsed().as_secs_f64();
+        let array = settings.report.shown_name();
+        if let Some(annotations) = self.annotations.prepare(&scene, array, settings.background)? {
+            image = annotations.draw(&image, &settings.view)?;
+        }
         volraster::io::write_image(&self.output, &image, settings.background)?;
         if !quiet {
             output::print(&format!(

@@ -61,7 +61,7 @@ pub(super) fn ticks(range: &Range<f64>, length: f64, is_x: bool) -> Vec<(f64, St
 }
 
 /// Returns a round step of at least some size.
-pub(super) fn nice_step(least: f64) -> f64 {
+pub(crate) fn nice_step(least: f64) -> f64 {
     let power = 10.0_f64.powf(least.log10().floor());
     [1.0, 2.0, 2.5, 5.0]
         .map(|step| step * power)

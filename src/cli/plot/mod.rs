@@ -7,6 +7,7 @@ mod bars;
 mod curves;
 mod picture;
 
+pub(crate) use axis::nice_step;
 pub(crate) use bars::{Bar, bars};
 pub(crate) use curves::{Series, curves};
 pub(crate) use picture::{Picture, Titles};

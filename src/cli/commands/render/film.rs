@@ -15,6 +15,7 @@ use volraster::{GpuScene, Image, Renderer, Result, Technique};
 
 use super::sink::{Pictures, Sink};
 use super::stats::{Drawn, Setup};
+use crate::cli::annotate::Annotations;
 use crate::cli::input::ArraysArgs;
 use crate::cli::interrupt;
 use crate::cli::numbers::number;
@@ -80,6 +81,7 @@ pub(super) struct Film<'a> {
     pub(super) steps: Steps<'a>,
     pub(super) sink: &'a Sink,
     pub(super) background: [f64; 4],
+    pub(super) annotations: Option<&'a Annotations<'a>>,
 }
 
 /// Frames of the next time step.
@@ -154,7 +156,11 @@ impl Film<'_> {
     ) -> Result<Vec<FrameTime>> {
         let bar = output::progress(self.views.len() as u64, "frames");
         let mut times = vec![first.clone()];
-        let mut sent = drawn.send((0, image.clone()));
+        let annotated = |image: Image, view: &View| match self.annotations {
+            Some(annotations) => annotations.draw(&image, view),
+            None => Ok(image),
+        };
+        let mut sent = drawn.send((0, annotated(image.clone(), &self.views[0])?));
         for (i, view) in self.views.iter().enumerate().skip(1) {
             // Nobody receives after an error of writing.
             if sent.is_err() || interrupt::requested() {
@@ -168,7 +174,7 @@ impl Film<'_> {
                 Some(Err(_)) => break,
             }
             times.push(frames.draw(view)?);
-            sent = drawn.send((i, frames.read_back()?));
+            sent = drawn.send((i, annotated(frames.read_back()?, view)?));
         }
         bar.finish_and_clear();
         Ok(times)

@@ -19,6 +19,7 @@ use volraster::{Error, GpuScene, Result, choice};
 
 use self::film::{Film, Steps};
 use self::sink::Sink;
+use crate::cli::annotate::AnnotationArgs;
 use crate::cli::input::{ArraysArgs, DeviceArgs, Input, LookArgs, Request, Size, finite, positive};
 use crate::cli::nothing::why_nothing;
 use crate::cli::outcome::{Outcome, check_validation};
@@ -36,6 +37,8 @@ pub(crate) struct Args {
     arrays: ArraysArgs,
     #[command(flatten)]
     look: LookArgs,
+    #[command(flatten)]
+    annotations: AnnotationArgs,
     /// Output image: .exr (32-bit float, linear) or .png (for viewing). With a `%d` or `%04d` in its name, an image of
     /// each frame or time step, from 0. A name that ends in .mp4, .mkv, .webm, .mov, .avi or .gif is a film of them,
     /// which the program `ffmpeg` encodes.
@@ -96,6 +99,9 @@ impl Args {
         let steps = Steps::new(&files, &self.arrays, &input.settings.report);
         let Input { scene, settings } = self.look.apply(input)?;
         let mut technique = settings.choose(request, &scene)?;
+        let array = settings.report.shown_name();
+        let annotations = self.annotations.prepare(&scene, array, settings.background)?;
+        let annotations = annotations.as_ref();
         let views = self.views(&settings.view, sink.is_some(), &steps)?;
         if let Some(sink) = &sink {
             sink.check(settings.background)?;
@@ -119,7 +125,8 @@ impl Args {
             None => self.draw(&scene, technique, &settings.view, &views, load_and_open)?,
             Some(sink) => {
                 let range = (settings.transfer_is_automatic && !quiet).then(|| scene.scene().data.range());
-                let film = Film { technique, views: &views, steps, sink, background: settings.background };
+                let background = settings.background;
+                let film = Film { technique, views: &views, steps, sink, background, annotations };
                 (film.draw(&scene, range, load_and_open)?, None)
             }
         };
@@ -132,7 +139,9 @@ impl Args {
         stats["validation_messages"] = json!(log.messages().len());
 
         if sink.is_none() {
-            volraster::io::write_image(&self.output, &drawn.image, settings.background)?;
+            let own = annotations.map(|notes| notes.draw(&drawn.image, &settings.view)).transpose()?;
+            let image = own.as_ref().unwrap_or(&drawn.image);
+            volraster::io::write_image(&self.output, image, settings.background)?;
         }
         if let (Some(path), Some(map)) = (&self.overflow_map, map) {
             volraster::io::write_image(path, &map, [0.0, 0.0, 0.0, 1.0])?;

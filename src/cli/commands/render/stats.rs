@@ -72,6 +72,7 @@ impl Setup {
         let (times, pipelines) = (scene.times(), gpu.pipeline_ms());
         let rest = (self.prepare_ms - times.upload - times.tables - self.pipelines_ms).max(0.0);
         let (width, height) = (image.width(), image.height());
+        let [covered, mean_opacity] = coverage(&image);
         let mut stats = output::without_nulls(json!({
             "schema": 1,
             "technique": name,
@@ -79,6 +80,7 @@ impl Setup {
             "options": input::options_json(&self.technique),
             "device": {"name": report.name, "driver": report.driver, "api": report.api, "kind": report.kind},
             "image": [width, height],
+            "picture": {"covered": covered, "mean_opacity": mean_opacity},
             "frames": frames.iter().map(frame_json).collect::<Value>(),
             "setup_ms": {
                 "load": load_ms, "device": open_ms, "upload": times.upload, "tables": times.tables,
@@ -96,9 +98,18 @@ impl Setup {
             _ => first.counters,
         };
         stats["counters"] = self.counters.into_iter().chain(counted).collect::<Value>();
-        let line = format!("{name} ({}) on {}: {width} x {height}, {time}", self.route, report.name);
+        let (route, device) = (self.route, &report.name);
+        let covers = format!("covers {:.0} %", 100.0 * covered);
+        let line = format!("{name} ({route}) on {device}: {width} x {height}, {covers}, {time}");
         Ok(Drawn { image, stats, line })
     }
+}
+
+/// Returns the share of pixels with an opacity that 8 bits show, and the mean opacity of all.
+fn coverage(image: &Image) -> [f64; 2] {
+    let opacities = || image.pixels().iter().map(|pixel| f64::from(pixel[3]));
+    let share = |sum: f64| sum / image.pixels().len() as f64;
+    [share(opacities().filter(|opacity| *opacity >= 0.5 / 255.0).count() as f64), share(opacities().sum())]
 }
 
 fn frame_json(frame: &FrameTime) -> Value {
