@@ -90,6 +90,9 @@ impl View {
     /// Largest image side, in pixels.
     pub const MAX_SIDE: u32 = 32768;
 
+    /// The angle of view that a perspective image stays below, in degrees.
+    pub const MAX_FOV: f64 = 180.0;
+
     /// Checks camera and size and derives the axes of the view.
     ///
     /// # Errors
@@ -130,7 +133,7 @@ impl View {
         };
         let scale = match camera.projection {
             Projection::Perspective { fov_y_deg: angle } => {
-                let fits = angle > 0.0 && angle < 180.0;
+                let fits = angle > 0.0 && angle < Self::MAX_FOV;
                 check("fov_y_deg", angle, fits, "must lie between 0 and 180, exclusive")?;
                 (angle.to_radians() * 0.5).tan() / half_rows
             }

@@ -46,6 +46,9 @@ impl Field {
     /// The names in scene files.
     pub const NAMES: [&'static str; 5] = ["marschner-lobb", "blobs", "homogeneous", "ramp", "sphere"];
 
+    /// The names of the types that it is sampled in.
+    pub const TYPES: [&'static str; 4] = ["u8", "u16", "i16", "f32"];
+
     /// Returns the field of a name. `homogeneous` has the value 1.
     ///
     /// # Errors
@@ -84,7 +87,7 @@ impl Field {
 
     /// Samples the field on a grid that fills [-1, 1]³, at `-1 + 2 i / (n - 1)`.
     ///
-    /// `type_name` is one of `u8`, `u16`, `i16`, `f32`. Integers hold the value times 255, 65535 and 32767,
+    /// `type_name` is one of [`Self::TYPES`]. Integers hold the value times 255, 65535 and 32767,
     /// rounded; the transfer function must be defined on those numbers.
     ///
     /// # Errors
@@ -105,7 +108,7 @@ impl Field {
             "i16" => Samples::I16(values.iter().map(|v| num::i16_code(v * 32767.0)).collect()),
             "f32" => Samples::F32(values.iter().map(|&v| num::f32_of(v)).collect()),
             _ => {
-                let why = format!("\"{type_name}\": must be one of u8, u16, i16, f32");
+                let why = format!("\"{type_name}\": must be one of {}", Self::TYPES.join(", "));
                 return Err(Error::invalid("field type", why));
             }
         };

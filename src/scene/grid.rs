@@ -70,6 +70,9 @@ pub struct Grid {
 }
 
 impl Grid {
+    /// The smallest number of samples along an axis.
+    pub const MIN_SIDE: u32 = 2;
+
     /// Makes a grid of unit spacing along the world's axes, at the origin.
     ///
     /// # Errors
@@ -275,10 +278,11 @@ fn lengths(m: DMat3) -> DVec3 {
     DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
 }
 
-/// Checks that each extent is at least 2; returns the number of samples, or `None` if memory cannot address them.
+/// Checks that each extent is at least [`Grid::MIN_SIDE`]; returns the number of samples, or `None` if memory cannot address them.
 pub(super) fn sample_count(dims: [u32; 3]) -> Result<Option<usize>> {
-    if let Some(extent) = dims.iter().find(|&&extent| extent < 2) {
-        let why = format!("{dims:?} has {extent}: every extent must be at least 2 samples");
+    if let Some(extent) = dims.iter().find(|&&extent| extent < Grid::MIN_SIDE) {
+        let least = Grid::MIN_SIDE;
+        let why = format!("{dims:?} has {extent}: every extent must be at least {least} samples");
         return Err(Error::invalid("grid extent", why));
     }
     Ok(dims.iter().try_fold(1_usize, |n, &extent| n.checked_mul(num::index(extent))))

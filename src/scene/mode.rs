@@ -19,13 +19,17 @@ pub enum Mode {
 }
 
 impl Mode {
+    /// The names in scene files and on the command line.
+    pub const NAMES: [&'static str; 3] = ["emission", "lit", "maximum"];
+
     /// Returns the mode's name in scene files and on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
+        let [emission, lit, maximum] = Self::NAMES;
         match self {
-            Self::Emission => "emission",
-            Self::Lit(_) => "lit",
-            Self::Maximum => "maximum",
+            Self::Emission => emission,
+            Self::Lit(_) => lit,
+            Self::Maximum => maximum,
         }
     }
 
@@ -37,7 +41,7 @@ impl Mode {
     pub fn from_name(name: &str) -> Result<Self> {
         let all = [Self::Emission, Self::Lit(Lighting::default()), Self::Maximum];
         all.into_iter().find(|mode| mode.name() == name).ok_or_else(|| {
-            let names = all.map(Self::name).join(", ");
+            let names = Self::NAMES.join(", ");
             Error::invalid("mode", format!("\"{name}\": must be one of {names}"))
         })
     }
@@ -91,6 +95,9 @@ impl Default for Lighting {
 }
 
 impl Lighting {
+    /// Least and largest allowed [`Self::shininess`].
+    pub const SHININESS: [f64; 2] = [1.0, 1024.0];
+
     /// Checks the numbers.
     ///
     /// # Errors
@@ -109,8 +116,9 @@ impl Lighting {
                 return refuse(what, format!("{value}: must be a number that is not negative"));
             }
         }
-        if !(1.0..=1024.0).contains(&self.shininess) {
-            return refuse("shininess", format!("{}: must be 1 to 1024", self.shininess));
+        let [low, high] = Self::SHININESS;
+        if !(low..=high).contains(&self.shininess) {
+            return refuse("shininess", format!("{}: must be {low} to {high}", self.shininess));
         }
         match self.direction {
             Some(direction) if direction.try_normalize().is_none() => {

@@ -36,7 +36,7 @@ impl RawLayout {
     /// Returns a little-endian layout without offset, with unit spacing along the world axes and the first sample at
     /// the origin.
     #[must_use]
-    pub fn new(dims: [u32; 3], kind: SampleType) -> Self {
+    pub const fn new(dims: [u32; 3], kind: SampleType) -> Self {
         Self {
             dims,
             kind,
@@ -92,17 +92,19 @@ impl Sidecar {
             let names = SampleType::ALL.map(SampleType::name).join(", ");
             return Err(refuse("type", format!("\"{}\": must be one of {names}", shown(&self.r#type))));
         };
-        let endian = match self.endian.as_deref().map(str::to_lowercase).as_deref() {
-            None | Some("little") => Endian::Little,
-            Some("big") => Endian::Big,
-            Some(other) => {
-                return Err(refuse("endian", format!("\"{}\": must be little or big", shown(other))));
+        let plain = RawLayout::new(self.dims, kind);
+        let endian = match self.endian.as_deref().map(str::to_lowercase) {
+            None => plain.endian,
+            Some(given) => {
+                let known = ENDIANS.into_iter().find(|(name, _)| *name == given).map(|(_, endian)| endian);
+                known.ok_or_else(|| {
+                    refuse("endian", format!("\"{}\": must be little or big", shown(&given)))
+                })?
             }
         };
-        let plain = RawLayout::new(self.dims, kind);
         Ok(RawLayout {
             endian,
-            offset: self.offset.unwrap_or(0),
+            offset: self.offset.unwrap_or(plain.offset),
             spacing: self.spacing.map_or(plain.spacing, DVec3::from_array),
             origin: self.origin.map_or(plain.origin, DVec3::from_array),
             // The file lists rows, the matrix has columns.
@@ -130,23 +132,41 @@ pub(crate) fn is_sidecar(source: &Source) -> bool {
         && source.bytes(0, source.len()).is_ok_and(|bytes| serde_json::from_slice(&bytes).is_ok_and(fits))
 }
 
-/// Returns the sample type of a common name in lower case, and whether the name is unambiguous: `int16` is, `short`
-/// may mean something else.
+/// The byte orders by name, first the default.
+pub(crate) const ENDIANS: [(&str, Endian); 2] = [("little", Endian::Little), ("big", Endian::Big)];
+
+/// Names of sample types that may mean something else.
+const AMBIGUOUS: [(&str, SampleType); 11] = [
+    ("uchar", SampleType::U8),
+    ("ubyte", SampleType::U8),
+    ("byte", SampleType::U8),
+    ("schar", SampleType::I8),
+    ("sbyte", SampleType::I8),
+    ("ushort", SampleType::U16),
+    ("short", SampleType::I16),
+    ("uint", SampleType::U32),
+    ("int", SampleType::I32),
+    ("float", SampleType::F32),
+    ("double", SampleType::F64),
+];
+
+/// Lists the common names of sample types in lower case, and whether each is unambiguous: `int16` is, `short` may mean
+/// something else.
+pub(crate) fn type_names() -> impl Iterator<Item = (String, SampleType, bool)> {
+    let plain = SampleType::ALL.into_iter().flat_map(|kind| {
+        let name = kind.name();
+        let (letter, bits) = name.split_at(1);
+        let word = match letter {
+            "u" => "uint",
+            "i" => "int",
+            _ => "float",
+        };
+        [name.to_string(), format!("{word}{bits}")].map(|name| (name, kind, true))
+    });
+    plain.chain(AMBIGUOUS.map(|(name, kind)| (name.to_string(), kind, false)))
+}
+
+/// Returns the sample type of a name in lower case, and whether the name is unambiguous.
 pub(crate) fn type_of(name: &str) -> Option<(SampleType, bool)> {
-    let short = name.replace("uint", "u").replace("int", "i").replace("float", "f");
-    if let Some(kind) = SampleType::ALL.into_iter().find(|kind| kind.name() == short) {
-        return Some((kind, true));
-    }
-    let kind = match name {
-        "uchar" | "ubyte" | "byte" => SampleType::U8,
-        "schar" | "sbyte" => SampleType::I8,
-        "ushort" => SampleType::U16,
-        "short" => SampleType::I16,
-        "uint" => SampleType::U32,
-        "int" => SampleType::I32,
-        "float" => SampleType::F32,
-        "double" => SampleType::F64,
-        _ => return None,
-    };
-    Some((kind, false))
+    type_names().find(|(known, ..)| known == name).map(|(_, kind, plain)| (kind, plain))
 }
