@@ -6,7 +6,8 @@ use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
 use crate::cli::commands::{
-    bench, calibrate, compare, convert, devices, info, reference, render, selftest, shaders, techniques,
+    bench, calibrate, compare, convert, devices, info, reference, render, schema, selftest, shaders,
+    techniques,
 };
 use crate::cli::{interrupt, output};
 
@@ -14,8 +15,8 @@ use crate::cli::{interrupt, output};
 #[derive(Debug, Parser)]
 #[command(name = "volraster", version, arg_required_else_help = true)]
 struct Cli {
-    /// Print no summary and no warnings. Errors, and the output of `devices`, `techniques` and `info`, are still
-    /// printed.
+    /// Print no summary and no warnings. Errors, and the output of `devices`, `techniques`, `schema` and `info`, are
+    /// still printed.
     #[arg(short, long, global = true)]
     quiet: bool,
     #[command(subcommand)]
@@ -41,6 +42,8 @@ enum Command {
     Techniques(techniques::Args),
     /// Describe a data file, a folder of slices or a scene file.
     Info(info::Args),
+    /// Print the JSON Schema of scene files, for editors.
+    Schema,
     /// Check every technique, route and resource path on this device under full validation.
     Selftest(selftest::Args),
     /// Print the driver's statistics of the shaders: registers, spills, occupancy, instructions.
@@ -69,6 +72,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Devices(args) => args.run(),
         Command::Techniques(args) => args.run(),
         Command::Info(args) => args.run(),
+        Command::Schema => schema::run(),
         Command::Selftest(args) => args.run(quiet),
         Command::Shaders(args) => args.run(),
         Command::Convert(args) => args.run(quiet),

@@ -10,6 +10,8 @@ pub mod grid;
 pub mod mesh;
 mod registry;
 mod renderer;
+#[cfg(feature = "io")]
+mod scene_schema;
 pub mod shear_warp;
 pub mod splat;
 
@@ -17,3 +19,5 @@ pub use declare::draw::Sample;
 pub use declare::{BlendOrder, EmptySpace, Numbers, OptionInfo, Resolution, Route};
 pub use registry::{Method, Technique};
 pub use renderer::{FrameTime, Frames, Renderer};
+#[cfg(feature = "io")]
+pub use scene_schema::scene_schema;

@@ -47,6 +47,14 @@ macro_rules! techniques {
             }
         }
 
+        #[cfg(feature = "io")]
+        impl Method {
+            /// Returns the JSON Schema of each option, by key.
+            pub(crate) fn option_schemas(self) -> serde_json::Map<String, serde_json::Value> {
+                match self { $(Self::$technique => declare::option_schemas::<$options>(),)* }
+            }
+        }
+
         impl Technique {
             /// Makes a technique with the given options; the others have their defaults.
             ///

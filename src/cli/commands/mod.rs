@@ -10,6 +10,7 @@ pub(crate) mod devices;
 pub(crate) mod info;
 pub(crate) mod reference;
 pub(crate) mod render;
+pub(crate) mod schema;
 pub(crate) mod selftest;
 pub(crate) mod shaders;
 pub(crate) mod techniques;

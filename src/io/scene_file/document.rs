@@ -3,7 +3,11 @@
 use std::path::Path;
 
 use glam::DVec3;
+use schemars::generate::SchemaSettings;
+use schemars::transform::RecursiveTransform;
+use schemars::{JsonSchema, Schema};
 use serde::Deserialize;
+use serde_json::{Map, Value, json};
 
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
@@ -12,31 +16,73 @@ use crate::io::scene_file::kernels::{KernelsSpec, Kind};
 use crate::io::scene_file::mesh::MeshSpec;
 use crate::io::scene_file::mode::LightingSpec;
 use crate::io::scene_file::points::PointsSpec;
+use crate::io::scene_file::schema::{lacks, one_of, only, positive, rules, with, words};
 use crate::io::scene_file::surfaces::SurfaceSpec;
 use crate::io::scene_file::technique::TechniqueChoice;
 use crate::io::scene_file::transfer::TransferSpec;
 use crate::io::scene_file::volume::VolumeSpec;
-use crate::scene::{Camera, Clip, Kernels, Projection};
+use crate::scene::{Camera, Clip, Kernels, Lighting, Mode, Projection, View};
 
-#[derive(Deserialize)]
+/// A scene of volraster: the data, and how it is drawn. It has exactly one of `volume`, `mesh` and `points`.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a scene: an object with `volume`, `mesh` or `points`")]
+#[schemars(title = "Scene file of volraster", transform = rules([
+    one_of(&["volume", "mesh", "points"]),
+    with("lighting", only("mode", [Mode::Lit(Lighting::default()).name()])),
+    with("kernels", json!({"properties": {"points": lacks(&KernelsSpec::OF_POINTS)}})),
+    with("mesh", json!({"properties": {"kernels": KernelsSpec::not_on_a_grid()}})),
+    with("points", json!({"properties": {"kernels": KernelsSpec::not_on_a_grid()}})),
+]))]
 pub(crate) struct Document {
+    /// Names the schema of the file, for editors; the reader ignores it.
+    #[serde(rename = "$schema")]
+    _schema: Option<String>,
+    /// Selects a grid: a data file, raw samples, or an analytic field.
     pub(crate) volume: Option<VolumeSpec>,
+    /// Selects a mesh: a data file, or an analytic field on tetrahedra.
     pub(crate) mesh: Option<MeshSpec>,
+    /// Selects points: a data file, or an analytic field at random places.
     pub(crate) points: Option<PointsSpec>,
+    /// Replaces the linear field between samples by a sum of kernels.
     pub(crate) kernels: Option<KernelsSpec>,
+    /// Sets colour and extinction of each scalar. Left out: chosen by the distribution of the scalars.
     pub(crate) transfer: Option<TransferSpec>,
+    /// Selects what the ray of a pixel shows: `emission` is emission and absorption, `lit` the same with light on it,
+    /// `maximum` the maximum intensity projection. `lit` and `maximum` are for grids without `kernels`. Left out: `lit`
+    /// where `lighting` is given, else that of the preset or isosurface in `transfer`, else `emission`.
+    #[schemars(transform = words(Mode::NAMES))]
     pub(crate) mode: Option<String>,
+    /// Sets the light of the mode `lit`.
     pub(crate) lighting: Option<LightingSpec>,
+    /// Sets the viewpoint. Left out: one that frames what is visible.
     pub(crate) camera: Option<CameraSpec>,
+    /// Sets the size of the image.
     pub(crate) image: Option<ImageSpec>,
+    /// Sets the colour behind the volume in PNG files: linear red, green and blue, and alpha from 0 to 1. EXR files do
+    /// not have it.
+    #[schemars(extend("prefixItems" = rgba(), "items" = false, "default" = Document::BACKGROUND))]
     pub(crate) background: Option<[f64; 4]>,
+    /// Lists surfaces in the volume, opaque and translucent ones. Triangles are visible from both sides.
     pub(crate) opaque: Option<Vec<SurfaceSpec>>,
+    /// Cuts away parts of the volume, not of surfaces.
     pub(crate) clip: Option<ClipSpec>,
+    /// Selects the technique and its options. Left out: the default for the data, or that of the command line.
+    #[schemars(with = "Option<Map<String, Value>>")]
     pub(crate) technique: Option<TechniqueChoice>,
 }
 
 impl Document {
+    /// The default background: opaque black.
+    pub(crate) const BACKGROUND: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+
+    /// Returns the JSON Schema of scene files, in which a technique is any object.
+    pub(crate) fn schema() -> Value {
+        let settings = SchemaSettings::draft2020_12()
+            .with(|settings| settings.inline_subschemas = true)
+            .with_transform(RecursiveTransform(plain));
+        settings.into_generator().into_root_schema_for::<Self>().into()
+    }
+
     /// Takes the description of the data, which must be of one kind.
     pub(crate) fn data(&mut self, path: &Path) -> Result<DataSpec> {
         match (self.volume.take(), self.mesh.take(), self.points.take()) {
@@ -52,6 +98,20 @@ impl Document {
                 Err(Error::file(path, second, "a scene has one of `volume`, `mesh` and `points`"))
             }
         }
+    }
+}
+
+/// Returns the schemas of the parts of a colour.
+fn rgba() -> [Value; 4] {
+    let alpha = json!({"type": "number", "minimum": 0, "maximum": 1, "description": "alpha"});
+    [positive("linear red"), positive("linear green"), positive("linear blue"), alpha]
+}
+
+/// Removes line breaks of descriptions, and formats such as `uint32`, which strict validators do not know.
+fn plain(schema: &mut Schema) {
+    schema.remove("format");
+    if let Some(Value::String(text)) = schema.get_mut("description") {
+        *text = text.replace('\n', " ");
     }
 }
 
@@ -96,20 +156,39 @@ impl DataSpec {
     }
 }
 
-#[derive(Deserialize)]
+/// The size of the image.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with width and height")]
 pub(crate) struct ImageSpec {
+    /// Sets the width, in pixels.
+    #[schemars(range(min = 1, max = View::MAX_SIDE), extend("default" = ImageSpec::SIDE))]
     pub(crate) width: Option<u32>,
+    /// Sets the height, in pixels.
+    #[schemars(range(min = 1, max = View::MAX_SIDE), extend("default" = ImageSpec::SIDE))]
     pub(crate) height: Option<u32>,
 }
 
-#[derive(Deserialize)]
+impl ImageSpec {
+    /// The default width and height, in pixels.
+    pub(crate) const SIDE: u32 = 512;
+}
+
+/// The viewpoint. Pixels are square.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with eye, target, up and fov_y_deg or half_height")]
+#[schemars(transform = rules([one_of(&["fov_y_deg", "half_height"])]))]
 pub(crate) struct CameraSpec {
+    /// Sets the position of the eye, in world coordinates.
     eye: [f64; 3],
+    /// Sets the position in the centre of the image, in world coordinates, other than `eye`.
     target: [f64; 3],
+    /// Sets the direction that is up in the image, of any length, not parallel to the view.
     up: [f64; 3],
+    /// Sets the angle between the lower and the upper edge of a perspective image, in degrees.
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = View::MAX_FOV))]
     fov_y_deg: Option<f64>,
+    /// Sets half the height of an orthographic image, in world units.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     half_height: Option<f64>,
 }
 
@@ -126,27 +205,36 @@ impl CameraSpec {
 }
 
 /// Clip planes and a crop box.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `planes` and `crop`")]
 pub(crate) struct ClipSpec {
+    /// Lists planes, each of which keeps one side.
+    #[schemars(length(max = Clip::MAX_PLANES))]
     planes: Option<Vec<PlaneSpec>>,
+    /// Sets an axis-aligned box, whose inside is kept.
     crop: Option<CropSpec>,
 }
 
-#[derive(Deserialize)]
+/// A plane.
+#[derive(Deserialize, JsonSchema)]
 #[serde(
     deny_unknown_fields,
     expecting = "an object with `point` and `normal`, which points to the side that is kept"
 )]
 struct PlaneSpec {
+    /// Sets a point of the plane, in world coordinates.
     point: [f64; 3],
+    /// Sets the direction to the side that is kept, of any length but 0.
     normal: [f64; 3],
 }
 
-#[derive(Deserialize)]
+/// An axis-aligned box.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `low` and `high`")]
 struct CropSpec {
+    /// Sets the lower ends of the box, in world coordinates, each below that of `high`; `null` cuts nothing.
     low: Option<[Option<f64>; 3]>,
+    /// Sets the upper ends of the box, in world coordinates; `null` cuts nothing.
     high: Option<[Option<f64>; 3]>,
 }
 

@@ -2,33 +2,54 @@
 
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::Deserialize;
+use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
+use crate::io::scene_file::schema::{lacks, only, words};
 use crate::scene::{Kernel, Kernels, Model};
 
-/// The object `kernels`, for any data.
-#[derive(Clone, Default, Deserialize)]
+/// The kernels of any data.
+#[derive(Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `kernel`, `sigma`, `cut`, `model`, `least`")]
 pub(crate) struct KernelsSpec {
+    /// Selects the shape of a kernel. `tent` and `sinc` are for grids.
+    #[schemars(transform = words(Kernel::ALL.map(|(name, _)| name)), extend("default" = Kernels::of_samples().kernel.name()))]
     pub(crate) kernel: Option<String>,
+    /// Sets the standard deviation of `gaussian` kernels on grids, in voxels.
+    #[schemars(range(min = Kernels::SIGMA[0], max = Kernels::SIGMA[1]), extend("default" = Kernels::of_samples().sigma))]
     pub(crate) sigma: Option<f64>,
+    /// Sets the distance at which `gaussian` kernels end, in standard deviations.
+    #[schemars(range(min = Kernels::CUT[0], max = Kernels::CUT[1]), extend("default" = Kernels::of_samples().cut))]
     pub(crate) cut: Option<f64>,
+    /// Selects what kernels add up to: `density` adds their extinctions, `interpolate` takes the weighted mean of their
+    /// scalars. Left out: `density` for points, else `interpolate`.
+    #[schemars(transform = words(Model::ALL.map(|(name, _)| name)))]
     pub(crate) model: Option<String>,
+    /// Sets the sum of weights below which the model `interpolate` has vacuum.
+    #[schemars(range(min = Kernels::LEASTS[0], max = Kernels::LEASTS[1]), extend("default" = Kernels::LEAST))]
     pub(crate) least: Option<f64>,
 }
 
 impl KernelsSpec {
-    /// Returns the first key that is given.
+    /// Returns the names of the kernels for all kinds of data; the others are for grids.
+    pub(crate) fn names_for_all() -> impl Iterator<Item = &'static str> {
+        Kernel::ALL.into_iter().filter(|(_, kernel)| is_for_all(*kernel)).map(|(name, _)| name)
+    }
+
+    /// Returns the schema of what `kernels` may hold beside other data than grids.
+    pub(crate) fn not_on_a_grid() -> Value {
+        json!({"allOf": [lacks(&["sigma"]), only("kernel", Self::names_for_all())]})
+    }
+
+    /// The keys that may also be among those of points.
+    pub(crate) const OF_POINTS: [&'static str; 4] = ["kernel", "cut", "model", "least"];
+
+    /// Returns the first of [`Self::OF_POINTS`] that is given.
     pub(crate) fn key(&self) -> Option<&'static str> {
-        let keys = [
-            ("kernel", self.kernel.is_some()),
-            ("sigma", self.sigma.is_some()),
-            ("cut", self.cut.is_some()),
-            ("model", self.model.is_some()),
-            ("least", self.least.is_some()),
-        ];
-        keys.into_iter().find(|(_, given)| *given).map(|(key, _)| key)
+        let given = [self.kernel.is_some(), self.cut.is_some(), self.model.is_some(), self.least.is_some()];
+        Self::OF_POINTS.into_iter().zip(given).find(|(_, given)| *given).map(|(key, _)| key)
     }
 
     /// Checks the keys and returns the kernels, with defaults for the kind of data. `of` is the name of the object.
@@ -41,18 +62,15 @@ impl KernelsSpec {
         if let Some(name) = &self.kernel {
             let place = format!("{of}.kernel");
             kernels.kernel = Kernel::from_name(name).map_err(|error| error.at_place(scene, &place))?;
-            if kind != Kind::Grid && !matches!(kernels.kernel, Kernel::Gaussian | Kernel::BSpline) {
-                let rule = format!("\"{name}\": is for grids; gaussian and bspline are for all");
+            if kind != Kind::Grid && !is_for_all(kernels.kernel) {
+                let names = Self::names_for_all().collect::<Vec<_>>().join(" and ");
+                let rule = format!("\"{name}\": is for grids; {names} are for all");
                 return refuse("kernel", rule);
             }
         }
         if let Some(name) = &self.model {
-            let models = [Model::Density, Model::Interpolate];
-            let Some(model) = models.into_iter().find(|model| model.name() == name) else {
-                let names = models.map(Model::name).join(", ");
-                return refuse("model", format!("\"{name}\": must be one of {names}"));
-            };
-            kernels.model = model;
+            let place = format!("{of}.model");
+            kernels.model = Model::from_name(name).map_err(|error| error.at_place(scene, &place))?;
         }
         let gaussian = kernels.kernel == Kernel::Gaussian;
         if self.sigma.is_some() && !(gaussian && kind == Kind::Grid) {
@@ -75,6 +93,11 @@ impl KernelsSpec {
             other => other,
         })
     }
+}
+
+/// Returns whether a kernel is for all kinds of data, and not only for grids.
+fn is_for_all(kernel: Kernel) -> bool {
+    matches!(kernel, Kernel::Gaussian | Kernel::BSpline)
 }
 
 /// The kind of data that has kernels.

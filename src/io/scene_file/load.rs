@@ -11,7 +11,7 @@ use crate::io::options::ReadOptions;
 use crate::io::read_data;
 use crate::io::report::{Loaded, Report};
 use crate::io::scene_file::data::SceneData;
-use crate::io::scene_file::document::Document;
+use crate::io::scene_file::document::{Document, ImageSpec};
 use crate::io::scene_file::technique::TechniqueChoice;
 use crate::io::scene_file::transfer::Recipe;
 use crate::io::scene_file::{mode, surfaces};
@@ -48,10 +48,10 @@ pub struct LoadedScene {
 
 impl LoadedScene {
     /// The default image width and height, in pixels.
-    pub const DEFAULT_SIDE: u32 = 512;
+    pub const DEFAULT_SIDE: u32 = ImageSpec::SIDE;
 
     /// The default background: opaque black.
-    pub const DEFAULT_BACKGROUND: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
+    pub const DEFAULT_BACKGROUND: [f64; 4] = Document::BACKGROUND;
 
     /// Loads a scene file or a data file: a `.json` file is a scene file, unless it describes raw samples.
     ///

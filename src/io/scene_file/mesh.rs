@@ -2,20 +2,36 @@
 
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::{Given, SceneData, check_memory, read, refuse_arrays};
+use crate::io::scene_file::schema::{lacks, needs, one_of, rules, with, words};
 use crate::scene::{Data, Field};
 
-/// The keys of both kinds of mesh, in one struct so that every error names its key.
-#[derive(Deserialize)]
+/// A mesh: a data file, or an analytic field on tetrahedra.
+// One struct has the keys of both, so that every error names its key.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
+#[schemars(transform = rules([
+    one_of(&["file", "field"]),
+    with("file", lacks(&["cubes"])),
+    with("field", needs(&["cubes"])),
+    with("field", lacks(&["array"])),
+]))]
 pub(crate) struct MeshSpec {
+    /// Names a file that holds a mesh.
     file: Option<String>,
+    /// Selects the array of the file that is shown. Left out: that which the file marks as active, else the first
+    /// suitable one.
     array: Option<String>,
+    /// Selects an analytic field, which fills [-1, 1]³ with values from 0 to 1.
+    #[schemars(transform = words(Field::NAMES))]
     field: Option<String>,
+    /// Sets the number of cubes along each side for a field: cubes of five tetrahedra, split so that faces match.
+    #[schemars(range(min = 1, max = Field::MAX_CUBES))]
     cubes: Option<u32>,
 }
 

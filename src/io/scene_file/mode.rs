@@ -2,23 +2,39 @@
 
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
 use crate::scene::{Lighting, Mode};
 
-/// The object `lighting`. Keys left out keep their defaults.
-#[derive(Deserialize)]
+/// The light of the mode `lit`.
+#[derive(Deserialize, JsonSchema)]
 #[serde(
     deny_unknown_fields,
     expecting = "an object with `ambient`, `diffuse`, `specular`, `shininess`, `direction` and `least_gradient`"
 )]
 pub(crate) struct LightingSpec {
+    /// Sets the share of the colour that is seen in any light.
+    #[schemars(range(min = 0), extend("default" = Lighting::default().ambient))]
     ambient: Option<f64>,
+    /// Sets the share of the colour that is seen where a surface faces the light.
+    #[schemars(range(min = 0), extend("default" = Lighting::default().diffuse))]
     diffuse: Option<f64>,
+    /// Sets the brightness of the white highlight.
+    #[schemars(range(min = 0), extend("default" = Lighting::default().specular))]
     specular: Option<f64>,
+    /// Sets the exponent of the highlight: larger is smaller and sharper.
+    #[schemars(
+        range(min = Lighting::SHININESS[0], max = Lighting::SHININESS[1]),
+        extend("default" = Lighting::default().shininess)
+    )]
     shininess: Option<f64>,
+    /// Sets the direction to the light, in world coordinates, of any length but 0. Left out: to the eye.
     direction: Option<[f64; 3]>,
+    /// Sets the length of the gradient up to which nothing is lit, in scalars per world unit. Left out: 1e-4 of the range
+    /// of the samples per voxel.
+    #[schemars(range(min = 0))]
     least_gradient: Option<f64>,
 }
 

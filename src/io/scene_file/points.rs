@@ -3,36 +3,72 @@
 use std::fmt;
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::de::Visitor;
 use serde::{Deserialize, Deserializer};
+use serde_json::json;
 
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::{Given, SceneData, check_memory, read, refuse_arrays};
 use crate::io::scene_file::kernels::KernelsSpec;
+use crate::io::scene_file::schema::{lacks, needs, one_of, rules, with, words};
 use crate::num;
-use crate::scene::{Data, Field, KernelSize, Points};
+use crate::scene::{Data, Field, KernelSize, Kernels, Model, Points};
 
-/// The keys of both kinds of points, in one struct so that every error names its key.
-#[derive(Deserialize)]
+/// Points: a data file, or an analytic field at random places.
+// One struct has the keys of both, so that every error names its key.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
+#[schemars(transform = rules([
+    one_of(&["file", "field"]),
+    with("file", lacks(&["count"])),
+    with("field", needs(&["count"])),
+    with("field", lacks(&["array", "covariance", "weight"])),
+    with("field", json!({"properties": {"radius": {"not": {"type": "string"}}}})),
+    with("covariance", lacks(&["radius"])),
+]))]
 pub(crate) struct PointsSpec {
+    /// Names a file that holds points.
     file: Option<String>,
+    /// Selects the array of scalars. Left out: that which the file marks as active, else the first suitable one.
     array: Option<String>,
+    /// Sets the support radius of all kernels, in world units, or names an array of radii. The standard deviation of a
+    /// Gaussian is a third of it; a B-spline spans it. Left out, without `covariance`: three times the spacing of points.
     radius: Option<Radius>,
+    /// Names an array of covariances (xx, xy, xz, yy, yz, zz, or all nine), instead of `radius`.
     covariance: Option<String>,
+    /// Names an array of weights. Left out: 1.
     weight: Option<String>,
+    /// Selects an analytic field, taken at random places in [-1, 1]³, the same in every run.
+    #[schemars(transform = words(Field::NAMES))]
     field: Option<String>,
+    /// Sets the number of points of a field.
+    #[schemars(range(min = 1, max = u32::MAX))]
     count: Option<u32>,
+    /// Selects the shape of a kernel.
+    #[schemars(transform = words(KernelsSpec::names_for_all()), extend("default" = Kernels::of_points().kernel.name()))]
     kernel: Option<String>,
+    /// Sets the distance at which `gaussian` kernels end, in standard deviations.
+    #[schemars(range(min = Kernels::CUT[0], max = Kernels::CUT[1]), extend("default" = Kernels::of_points().cut))]
     cut: Option<f64>,
+    /// Selects what kernels add up to: `density` adds their extinctions, `interpolate` takes the weighted mean of their
+    /// scalars.
+    #[schemars(
+        transform = words(Model::ALL.map(|(name, _)| name)),
+        extend("default" = Kernels::of_points().model.name())
+    )]
     model: Option<String>,
+    /// Sets the sum of weights below which the model `interpolate` has vacuum.
+    #[schemars(range(min = Kernels::LEASTS[0], max = Kernels::LEASTS[1]), extend("default" = Kernels::LEAST))]
     least: Option<f64>,
 }
 
 /// One radius for all points, or the array of radii.
+#[derive(JsonSchema)]
+#[schemars(untagged)]
 enum Radius {
-    All(f64),
+    All(#[schemars(extend("exclusiveMinimum" = 0))] f64),
     Array(String),
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
@@ -9,41 +10,81 @@ use crate::io::formats::fan::Triangles;
 use crate::io::formats::triangles;
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::beside;
+use crate::io::scene_file::schema::{one_of, rules, words};
 use crate::num;
 use crate::scene::{Shading, Surface};
 
 /// The limit on triangles of all surfaces together.
 const MAX_TRIANGLES: usize = (1 << 31) - 1;
 
-/// The keys of all three kinds of surface, in one struct so that every error names its key.
-#[derive(Deserialize)]
+/// A surface: a file, a box or a sphere.
+// One struct has the keys of all three, so that every error names its key.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a surface: an object with `file`, `box` or `sphere`")]
+#[schemars(transform = rules([one_of(&["file", "box", "sphere"])]))]
 pub(crate) struct SurfaceSpec {
+    /// Names a PLY or OBJ file of triangles or polygons.
     file: Option<String>,
+    /// Sets an axis-aligned box.
     #[serde(rename = "box")]
     cuboid: Option<BoxSpec>,
+    /// Sets a sphere of triangles.
     sphere: Option<SphereSpec>,
+    /// Sets the colour: linear red, green and blue.
+    #[schemars(inner(range(min = 0)), extend("default" = COLOUR))]
     colour: Option<[f64; 3]>,
+    /// Sets the opacity: 1 is opaque and hides what is behind, less tints it.
+    #[schemars(range(min = 0, max = 1), extend("default" = OPACITY))]
     opacity: Option<f64>,
+    /// Selects the shading: `headlight` multiplies the colour by the cosine between normal and ray, `flat` leaves it.
+    #[schemars(transform = words(SHADES.map(|(name, _)| name)), extend("default" = SHADE.0))]
     shade: Option<String>,
+    /// Multiplies the coordinates, before `translate` moves them.
+    #[schemars(extend("exclusiveMinimum" = 0, "default" = SCALE))]
     scale: Option<f64>,
+    /// Moves the surface, in world units.
+    #[schemars(extend("default" = TRANSLATE))]
     translate: Option<[f64; 3]>,
 }
 
-#[derive(Deserialize)]
+/// An axis-aligned box.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `low` and `high`")]
 struct BoxSpec {
+    /// Sets the least corner, in world coordinates, below `high` on every axis.
     low: [f64; 3],
+    /// Sets the greatest corner, in world coordinates.
     high: [f64; 3],
 }
 
-#[derive(Deserialize)]
+/// A sphere of triangles.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `centre`, `radius` and `subdivisions`")]
 struct SphereSpec {
+    /// Sets the centre, in world coordinates.
     centre: [f64; 3],
+    /// Sets the radius, in world units.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     radius: f64,
+    /// Sets how often each triangle of an icosahedron is divided into four.
+    #[schemars(range(max = Surface::MAX_SUBDIVISIONS), extend("default" = SUBDIVISIONS))]
     subdivisions: Option<u32>,
 }
+
+/// The default colour: linear RGB.
+const COLOUR: [f64; 3] = [0.8; 3];
+
+/// The default opacity.
+const OPACITY: f64 = 1.0;
+
+/// The default factor of coordinates.
+const SCALE: f64 = 1.0;
+
+/// The default offset of coordinates.
+const TRANSLATE: [f64; 3] = [0.0; 3];
+
+/// The default number of subdivisions of a sphere.
+const SUBDIVISIONS: u32 = 4;
 
 /// A surface whose keys have been checked; its file has not been read.
 struct Plan<'a> {
@@ -56,7 +97,10 @@ struct Plan<'a> {
 }
 
 /// The shadings by name.
-const SHADES: [(&str, Shading); 2] = [("flat", Shading::Flat), ("headlight", Shading::Headlight)];
+const SHADES: [(&str, Shading); 2] = [("flat", Shading::Flat), SHADE];
+
+/// The default shading.
+const SHADE: (&str, Shading) = ("headlight", Shading::Headlight);
 
 /// Loads all surfaces, which together may take `options.max_bytes`. All keys are checked before files are read.
 pub(crate) fn load(specs: &[SurfaceSpec], scene: &Path, options: &ReadOptions) -> Result<Vec<Surface>> {
@@ -79,15 +123,15 @@ pub(crate) fn load(specs: &[SurfaceSpec], scene: &Path, options: &ReadOptions) -
 
 impl<'a> Plan<'a> {
     fn new(spec: &'a SurfaceSpec, i: usize, scene: &'a Path) -> Result<Self> {
-        let [r, g, b] = spec.colour.unwrap_or([0.8; 3]);
-        let opacity = spec.opacity.unwrap_or(1.0);
+        let [r, g, b] = spec.colour.unwrap_or(COLOUR);
+        let opacity = spec.opacity.unwrap_or(OPACITY);
         let mut plan = Self {
             place: format!("opaque[{i}]"),
             scene,
             spec,
             colour: [r, g, b, opacity],
-            shading: Shading::Headlight,
-            scale: spec.scale.unwrap_or(1.0),
+            shading: SHADE.1,
+            scale: spec.scale.unwrap_or(SCALE),
         };
         let shapes = [spec.file.is_some(), spec.cuboid.is_some(), spec.sphere.is_some()];
         if shapes.into_iter().filter(|given| *given).count() != 1 {
@@ -123,7 +167,7 @@ impl<'a> Plan<'a> {
         } else if let Some(BoxSpec { low, high }) = &self.spec.cuboid {
             Surface::cuboid((*low).into(), (*high).into(), self.colour).map_err(at(".box"))?
         } else if let Some(SphereSpec { centre, radius, subdivisions }) = &self.spec.sphere {
-            let subdivisions = subdivisions.unwrap_or(4);
+            let subdivisions = subdivisions.unwrap_or(SUBDIVISIONS);
             // A corner takes 24 bytes and a triangle 12; there are twice as many triangles as corners.
             let bytes = 480 << (2 * subdivisions.min(Surface::MAX_SUBDIVISIONS));
             if bytes > options.max_bytes {
@@ -142,7 +186,7 @@ impl<'a> Plan<'a> {
         } else {
             return Err(self.refuse("", "has no shape"));
         };
-        let translate = self.spec.translate.unwrap_or_default();
+        let translate = self.spec.translate.unwrap_or(TRANSLATE);
         let placed = surface.placed(self.scale, translate.into()).map_err(at(".scale"))?;
         Ok(placed.with_shading(self.shading))
     }

@@ -4,31 +4,67 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use schemars::JsonSchema;
 use serde::de::{MapAccess, SeqAccess, Visitor, value};
 use serde::{Deserialize, Deserializer};
+use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
 use crate::io::file::json::parse_file;
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::beside;
-use crate::scene::presets::Preset;
+use crate::io::scene_file::schema::{entries, lacks, one_of, positive, rules, with, words};
+use crate::scene::presets::{PRESETS, Preset};
 use crate::scene::transfer::check_range;
 use crate::scene::{Data, Kernels, Mode, TransferFunction, auto};
 
 /// The value of `transfer`: knots, a preset, an isosurface, or a file that holds one of them.
+#[derive(JsonSchema)]
+#[schemars(untagged)]
 pub(crate) enum TransferSpec {
-    Rows(Vec<[f64; 5]>),
+    /// Lists knots, between which colour and extinction are linear: scalar, linear red, green and blue, extinction per
+    /// world unit. Scalars do not decrease; two equal ones make a jump.
+    Rows(
+        #[schemars(length(min = 1, max = TransferFunction::MAX_KNOTS), transform = entries(knot()))]
+        Vec<[f64; 5]>,
+    ),
+    /// Selects a preset, an isosurface, or a file that holds the transfer function.
     Preset(PresetSpec),
 }
 
-#[derive(Deserialize)]
+/// Returns the keywords of a knot.
+fn knot() -> Value {
+    let scalar = json!({"type": "number", "description": "scalar"});
+    let [red, green, blue] = ["linear red", "linear green", "linear blue"].map(positive);
+    json!({"prefixItems": [scalar, red, green, blue, positive("extinction per world unit")], "items": false})
+}
+
+/// A preset, an isosurface, or a file that holds the transfer function.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = rules([
+    one_of(&["preset", "isosurface", "file"]),
+    with("isosurface", lacks(&["range", "tau_scale"])),
+    with("file", lacks(&["range", "tau_scale", "colour"])),
+    with("preset", lacks(&["colour"])),
+]))]
 pub(crate) struct PresetSpec {
+    /// Selects a preset.
+    #[schemars(transform = words(PRESETS.map(|preset| preset.name)))]
     preset: Option<String>,
+    /// Sets the scalars over which a preset is stretched, the first below the second. Left out: those that suit the
+    /// data.
     range: Option<[f64; 2]>,
+    /// Multiplies the extinction of a preset. Left out: 1, or 2 / the longest side of the data's box for presets of fixed
+    /// extinction.
+    #[schemars(range(min = 0))]
     tau_scale: Option<f64>,
+    /// Names a JSON file that holds the value of `transfer`, other than a further `file`.
     file: Option<String>,
+    /// Sets the scalar of a surface, which is opaque: above the least scalar of the data, at most the greatest.
     isosurface: Option<f64>,
+    /// Sets the colour of the isosurface: linear red, green and blue.
+    #[schemars(inner(range(min = 0)), extend("default" = auto::ISOSURFACE_COLOUR.to_array()))]
     colour: Option<[f64; 3]>,
 }
 

@@ -2,31 +2,83 @@
 
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::Deserialize;
+use serde_json::json;
 
 use crate::error::{Error, Result};
+use crate::io::file::sample_type::SampleType;
 use crate::io::file::source::Source;
 use crate::io::formats::raw;
-use crate::io::formats::raw::layout::Sidecar;
+use crate::io::formats::raw::layout::{ENDIANS, RawLayout, Sidecar, type_names};
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::{Given, SceneData, read, refuse_arrays};
+use crate::io::scene_file::schema::{any_case, entries, lacks, needs, one_of, only, rules, with, words};
 use crate::scene::{Field, Grid};
 
-/// The keys of all three kinds of volume, in one struct so that every error names its key.
-#[derive(Deserialize)]
+/// A grid: a data file, raw samples, or an analytic field.
+// One struct has the keys of all three, so that every error names its key.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
+#[schemars(transform = rules([
+    one_of(&["file", "field"]),
+    with("file", with("dims", needs(&["type"]))),
+    with("file", with("type", needs(&["dims"]))),
+    with("field", needs(&["dims"])),
+    with("field", lacks(&RAW)),
+    with("field", only("type", Field::TYPES)),
+    with("dims", lacks(&["array"])),
+    json!({"anyOf": [needs(&["dims"]), lacks(&RAW)]}),
+]))]
 pub(crate) struct VolumeSpec {
+    /// Names a file that holds a grid, or raw samples.
     file: Option<String>,
+    /// Selects the array of the file that is shown. Left out: that which the file marks as active, else the first
+    /// suitable one.
     array: Option<String>,
+    /// Selects an analytic field, which fills [-1, 1]³ with values from 0 to 1; in integers these are stretched over the
+    /// positive numbers of the type.
+    #[schemars(transform = words(Field::NAMES))]
     field: Option<String>,
+    /// Sets the samples along x, y and z, of raw samples or a field; x is fastest.
+    #[schemars(transform = entries(json!({"minimum": Grid::MIN_SIDE, "maximum": u32::MAX})))]
     dims: Option<[u32; 3]>,
+    /// Selects the type of raw samples, which need it, or of a field, which have `u8`, `u16`, `i16` and `f32`. Names such
+    /// as `uint8` and `float` are also read.
+    #[schemars(
+        transform = any_case(SampleType::ALL.map(SampleType::name), type_names().map(|(name, ..)| name)),
+        extend("default" = FIELD_TYPE)
+    )]
     r#type: Option<String>,
+    /// Selects the byte order of raw samples.
+    #[schemars(
+        transform = any_case(ENDIANS.map(|(name, _)| name), ENDIANS.map(|(name, _)| name)),
+        extend("default" = ENDIANS[0].0)
+    )]
     endian: Option<String>,
+    /// Sets the distance of raw samples along each axis, in world units.
+    #[schemars(transform = entries(json!({"exclusiveMinimum": 0})), extend("default" = PLAIN.spacing.to_array()))]
     spacing: Option<[f64; 3]>,
+    /// Sets the position of the first raw sample, in world coordinates.
+    #[schemars(extend("default" = PLAIN.origin.to_array()))]
     origin: Option<[f64; 3]>,
+    /// Sets a matrix, row by row, whose columns are the world directions of the index axes of raw samples. They span
+    /// space.
+    #[schemars(extend("default" = PLAIN.direction.transpose().to_cols_array()))]
     direction: Option<[f64; 9]>,
+    /// Sets the number of bytes before the first raw sample.
+    #[schemars(extend("default" = PLAIN.offset))]
     offset: Option<u64>,
 }
+
+/// The keys that place raw samples in their file and in the world.
+const RAW: [&str; 5] = ["endian", "spacing", "origin", "direction", "offset"];
+
+/// The default type of the samples of a field.
+const FIELD_TYPE: &str = "f32";
+
+/// The layout of raw samples of which only extent and type are given; these are any.
+const PLAIN: RawLayout = RawLayout::new([Grid::MIN_SIDE; 3], SampleType::U8);
 
 impl VolumeSpec {
     pub(crate) fn load(&self, scene: &Path, options: &ReadOptions) -> Result<SceneData> {
@@ -36,15 +88,16 @@ impl VolumeSpec {
             let wanted = [("volume.array", &self.array), ("array", &options.array)];
             refuse_arrays(scene, "fields and raw data", &wanted)?;
         }
-        let keys = [
-            ("volume.endian", self.endian.is_some()),
-            ("volume.spacing", self.spacing.is_some()),
-            ("volume.origin", self.origin.is_some()),
-            ("volume.direction", self.direction.is_some()),
-            ("volume.offset", self.offset.is_some()),
+        let given = [
+            self.endian.is_some(),
+            self.spacing.is_some(),
+            self.origin.is_some(),
+            self.direction.is_some(),
+            self.offset.is_some(),
         ];
-        let stray = keys.into_iter().find(|(_, given)| *given).map(|(key, _)| key);
-        let file = match (Given::of(scene, "volume", &self.file, &self.field)?, stray) {
+        let stray =
+            RAW.into_iter().zip(given).find(|(_, given)| *given).map(|(key, _)| format!("volume.{key}"));
+        let file = match (Given::of(scene, "volume", &self.file, &self.field)?, &stray) {
             (Given::Field(_), Some(key)) => {
                 return refuse(key, "belongs to raw data: a field fills the cube from -1 to 1");
             }
@@ -53,7 +106,7 @@ impl VolumeSpec {
             }
             (Given::File(file), _) => file,
         };
-        match (self.dims, &self.r#type, stray) {
+        match (self.dims, &self.r#type, &stray) {
             (Some(dims), Some(kind), _) => self.raw(scene, &file, dims, kind, options),
             (Some(_), None, _) => refuse("volume.type", "missing: raw data has `dims` and `type`"),
             (None, Some(_), _) => refuse("volume.dims", "missing: raw data has `dims` and `type`"),
@@ -74,10 +127,9 @@ impl VolumeSpec {
         };
         let at = |key: &'static str| move |error: Error| error.at_place(scene, key);
         let field = Field::from_name(field).map_err(at("volume.field"))?;
-        let kind = self.r#type.as_deref().unwrap_or("f32");
-        let kinds = ["u8", "u16", "i16", "f32"];
-        if !kinds.contains(&kind) {
-            let rule = format!("\"{kind}\": must be one of {} for a field", kinds.join(", "));
+        let kind = self.r#type.as_deref().unwrap_or(FIELD_TYPE);
+        if !Field::TYPES.contains(&kind) {
+            let rule = format!("\"{kind}\": must be one of {} for a field", Field::TYPES.join(", "));
             return Err(Error::file(scene, "volume.type", rule));
         }
         // Sampling holds float64 values in addition to the result of at most four bytes per sample.

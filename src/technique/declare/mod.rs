@@ -5,6 +5,8 @@
 
 pub(crate) mod draw;
 mod options;
+#[cfg(feature = "io")]
+mod schema;
 mod shared;
 
 pub(crate) use options::{
@@ -12,5 +14,7 @@ pub(crate) use options::{
     refused, set, words,
 };
 pub use options::{Numbers, OptionInfo};
+#[cfg(feature = "io")]
+pub(crate) use schema::option_schemas;
 pub(crate) use shared::Segments;
 pub use shared::{BlendOrder, EmptySpace, Resolution, Route};

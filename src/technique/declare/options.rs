@@ -412,10 +412,20 @@ pub(crate) fn refused(technique: &str, key: &str, why: impl Into<String>) -> Err
     Error::invalid(format!("{technique} option {key}"), why)
 }
 
-/// Describes the options.
+/// Describes the options that the technique lists.
 pub(crate) fn infos<T: OptionSet>() -> Vec<OptionInfo> {
+    described::<T>(|place| place == Place::Listed)
+}
+
+/// Describes the options that text can set, also those that the technique does not list.
+#[cfg(feature = "io")]
+pub(crate) fn accepted<T: OptionSet>() -> Vec<OptionInfo> {
+    described::<T>(|place| place != Place::Absent)
+}
+
+fn described<T: OptionSet>(is_wanted: impl Fn(Place) -> bool) -> Vec<OptionInfo> {
     let mut options = T::default();
-    let listed = options.entries().into_iter().filter(|entry| entry.place == Place::Listed);
+    let listed = options.entries().into_iter().filter(|entry| is_wanted(entry.place));
     let info = |entry: Entry<'_>| OptionInfo {
         key: entry.key,
         values: entry.values("", "|"),
