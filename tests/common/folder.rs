@@ -12,14 +12,44 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use jsonschema::Validator;
 use serde_json::Value;
 use volraster::io::scene_file::{LoadedScene, SceneFile};
 use volraster::io::{ReadOptions, read_exr};
+use volraster::technique::{Method, Technique, scene_schema};
 
 /// Enough for every file of the tests.
 pub const OPTIONS: ReadOptions = ReadOptions::within(1 << 30);
+
+/// The schema of scene files.
+pub static SCHEMA: LazyLock<Validator> =
+    LazyLock::new(|| jsonschema::draft202012::new(&serde_json::from_str(&scene_schema()).unwrap()).unwrap());
+
+/// Whether the reader accepts a scene file, and its technique has the options that the file names.
+pub fn is_accepted(path: &Path, options: &ReadOptions) -> bool {
+    SceneFile::load(path, options).is_ok_and(|loaded| {
+        loaded.technique.is_none_or(|choice| {
+            Method::from_name(&choice.name)
+                .is_ok_and(|method| Technique::new(method, &choice.options).is_ok())
+        })
+    })
+}
+
+/// A scene file that the reader accepts is valid by the schema.
+#[track_caller]
+pub fn assert_valid_if_accepted(path: &Path) {
+    if is_accepted(path, &OPTIONS) {
+        let text = fs::read_to_string(path).unwrap();
+        let errors: Vec<String> = SCHEMA
+            .iter_errors(&serde_json::from_str(&text).unwrap())
+            .map(|error| format!("{}: {error}", error.instance_path()))
+            .collect();
+        assert!(errors.is_empty(), "the reader accepts {text}, the schema does not: {errors:?}");
+    }
+}
 
 /// A folder that is empty at first, and goes when the test ends.
 pub struct Folder {
@@ -92,8 +122,11 @@ impl Folder {
     }
 
     /// Writes and loads a scene file.
+    #[track_caller]
     pub fn scene(&self, json: &str) -> volraster::Result<LoadedScene> {
-        SceneFile::load(self.write("scene.json", json), &OPTIONS)
+        let path = self.write("scene.json", json);
+        assert_valid_if_accepted(&path);
+        SceneFile::load(path, &OPTIONS)
     }
 
     /// A scene file is refused in one line, which names a file and has these parts.
@@ -117,7 +150,10 @@ impl Folder {
         self.run_in(line, &[])
     }
 
+    #[track_caller]
     pub fn run_in(&self, line: &str, environment: &[(&str, &str)]) -> Run {
+        let scene = |name: &&str| name.ends_with(".json") && self.path(name).is_file();
+        line.split(' ').skip(1).filter(scene).for_each(|name| assert_valid_if_accepted(&self.path(name)));
         Run::of(self.command(line).envs(environment.iter().copied()).output().unwrap(), line)
     }
 }

@@ -1,12 +1,12 @@
 //! The documents tell the truth about the tree.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 use std::path::Path;
 
 use volraster::technique::{Method, OptionInfo};
 
-fn read(name: &str) -> String {
+pub fn read(name: &str) -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(name)).unwrap()
 }
 
@@ -27,13 +27,30 @@ fn every_path_in_the_documents_exists() {
     }
 }
 
-/// The text between two marks of docs/TECHNIQUES.md that a test writes.
-struct Block {
-    mark: String,
-    text: String,
+/// The text between two marks of a document that a test writes.
+pub struct Block {
+    pub mark: String,
+    pub text: String,
 }
 
-fn row(cells: &[&str]) -> String {
+/// A document has the blocks, or they are written on request.
+pub fn assert_blocks(name: &str, blocks: Vec<Block>) {
+    let written = read(name);
+    let mut document = written.clone();
+    for Block { mark, text } in blocks {
+        let (before, rest) = document.split_once(&format!("<!-- {mark} -->\n")).expect(&mark);
+        let (_, after) = rest.split_once("<!-- end -->\n").unwrap();
+        document = format!("{before}<!-- {mark} -->\n{text}<!-- end -->\n{after}");
+    }
+    if std::env::var_os("VOLRASTER_WRITE_OPTIONS").is_some() {
+        std::fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join(name), document).unwrap();
+        return;
+    }
+    let remake = "VOLRASTER_WRITE_OPTIONS=1 cargo test --test host the_tables_of writes it";
+    assert!(document == written, "{name} has other tables; {remake}");
+}
+
+pub fn row(cells: &[&str]) -> String {
     format!("| {} |\n", cells.join(" | "))
 }
 
@@ -88,19 +105,7 @@ fn option_tables() -> Vec<Block> {
 
 #[test]
 fn the_tables_of_options_follow_from_the_declarations() {
-    let mut document = read("docs/TECHNIQUES.md");
-    let written = document.clone();
-    for Block { mark, text } in option_tables() {
-        let (before, rest) = document.split_once(&format!("<!-- {mark} -->\n")).unwrap();
-        let (_, after) = rest.split_once("<!-- end -->\n").unwrap();
-        document = format!("{before}<!-- {mark} -->\n{text}<!-- end -->\n{after}");
-    }
-    if std::env::var_os("VOLRASTER_WRITE_OPTIONS").is_some() {
-        std::fs::write(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/TECHNIQUES.md"), document).unwrap();
-        return;
-    }
-    let remake = "VOLRASTER_WRITE_OPTIONS=1 cargo test --test host tables_of_options writes it";
-    assert!(document == written, "docs/TECHNIQUES.md lists other options; {remake}");
+    assert_blocks("docs/TECHNIQUES.md", option_tables());
 }
 
 #[test]

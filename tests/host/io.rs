@@ -724,9 +724,8 @@ fn writing_fails_in_one_line_and_leaves_nothing() {
 const FIELD: &str = r#""volume": {"field": "blobs", "dims": [8, 9, 10], "type": "u8"}"#;
 
 fn scene(folder: &Folder, rest: &str) -> (PathBuf, Result<LoadedScene>) {
-    let path = folder.write("scene.json", format!("{{{FIELD}{rest}}}"));
-    let loaded = SceneFile::load(&path, &OPTIONS);
-    (path, loaded)
+    let loaded = folder.scene(&format!("{{{FIELD}{rest}}}"));
+    (folder.path("scene.json"), loaded)
 }
 
 #[test]
@@ -782,12 +781,11 @@ fn what_is_left_out_is_chosen_and_data_alone_takes_the_same_way() {
 fn raw_volumes_are_placed_by_rows() {
     let folder = Folder::new();
     folder.write("a.raw", ramp());
-    let path = folder.write(
-        "scene.json",
+    let loaded = folder.scene(
         r#"{"volume": {"file": "a.raw", "dims": [4,3,2], "type": "u8",
         "spacing": [1,2,3], "origin": [5,6,7], "direction": [0,-1,0, 1,0,0, 0,0,1]}}"#,
     );
-    let grid = SceneFile::load(path, &OPTIONS).unwrap().scene.grid().unwrap().clone();
+    let grid = loaded.unwrap().scene.grid().unwrap().clone();
     // Rows of the matrix: x' = -y, y' = x.
     assert_eq!(grid.world_of_index(DVec3::ONE), DVec3::new(5.0 - 2.0, 6.0 + 1.0, 7.0 + 3.0));
 }
@@ -938,8 +936,8 @@ fn scene_files_are_refused_by_place_and_rule() {
     );
 
     let volume = |spec: &str, parts: &[&str]| {
-        let path = folder.write("scene.json", format!("{{\"volume\": {spec}}}"));
-        contains(&refusal(SceneFile::load(&path, &OPTIONS), &path), parts);
+        let loaded = folder.scene(&format!("{{\"volume\": {spec}}}"));
+        contains(&refusal(loaded, &folder.path("scene.json")), parts);
     };
     volume("{}", &["volume", "`file` or `field`"]);
     volume("3", &["volume", "object"]);

@@ -18,3 +18,4 @@ mod io;
 mod mesh_scenes;
 mod point_scenes;
 mod rooms;
+mod scenes;

@@ -5,14 +5,14 @@
 use std::path::Path;
 use std::process::Command;
 
-use crate::folder::{Folder, Run};
+use crate::folder::{Folder, Run, SCHEMA, is_accepted};
 use serde_json::Value;
 use volraster::GpuScene;
 use volraster::gpu::{Gpu, GpuOptions};
 use volraster::io::scene_file::SceneFile;
 use volraster::io::{Data, ReadOptions, known_formats, write_vtu};
 use volraster::scene::{KernelSize, Points, TetScalars, Tets, View};
-use volraster::technique::{Renderer, Technique};
+use volraster::technique::{Renderer, Technique, scene_schema};
 
 /// A field small enough to draw in milliseconds, with a camera and a technique of its own.
 const SCENE: &str = r#"{
@@ -141,11 +141,36 @@ fn the_automatic_scene_is_a_scene_file() {
     ] {
         let scene = folder.run(&format!("info {data} --scene{options}")).done();
         folder.write("own.json", &scene.out);
+        assert!(SCHEMA.is_valid(&scene.json()), "{}", scene.out);
         folder.run(&format!("-q render {data} -o data512.exr{options}")).done();
         folder.run("-q render own.json -o scene512.exr").done();
         assert_eq!(folder.exr("data512.exr"), folder.exr("scene512.exr"), "{data}{options}");
     }
     folder.run("info scene.json --scene").fails(2, &["scene.json", "--scene", "is one already"]);
+}
+
+/// `schema` prints the schema of the library, and the schema has no objection to what `info --scene` prints.
+#[test]
+fn the_schema_is_printed_and_accepts_automatic_scenes() {
+    let folder = empty();
+    assert_eq!(folder.run("schema").done().json(), serde_json::from_str::<Value>(&scene_schema()).unwrap());
+    folder.run("-q schema --json").fails(2, &["--json"]);
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let shared = own.join("../shared/data");
+    let shared = [
+        "format_conformance/head_i16.nii.gz",
+        "format_conformance/post_small_ascii_none.vtu",
+        "particles/dark_matter_halo.npy",
+    ]
+    .map(|name| shared.join(name));
+    let data = shared.into_iter().filter(|path| path.exists());
+    for path in data.chain([own.join("assets/head.nrrd")]) {
+        let scene = folder.run(&format!("info {} --scene", path.display()));
+        assert_eq!(scene.code, 0, "{}", scene.err);
+        folder.write("own.json", &scene.out);
+        assert!(is_accepted(&folder.path("own.json"), &ReadOptions::default()), "{}", scene.out);
+        assert!(SCHEMA.is_valid(&scene.json()), "{}", scene.out);
+    }
 }
 
 /// A picture of nothing is drawn, with a warning that says why.
