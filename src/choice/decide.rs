@@ -5,9 +5,9 @@ use std::sync::Arc;
 use super::goal::Goal;
 use super::probes::{Estimate, Probes};
 use super::profile::{Profile, Source};
-use super::search::Search;
+use super::search::{Costs, Search};
 use super::table::{self, Candidate};
-use super::trial::{Trial, TrialOutcome, tried};
+use super::trial::{Trial, TrialOutcome, timed_again, tried};
 use crate::error::{Error, Result};
 use crate::resident::GpuScene;
 use crate::scene::View;
@@ -63,27 +63,113 @@ pub fn choose(scene: &Arc<GpuScene>, view: &View, goal: Goal, profile: &Profile)
         return Err(Error::invalid("technique", why));
     }
     let probes = Probes::new(scene.scene(), view, Probes::MOST)?;
+    let mut trials = Trials { scene, view, probes, goal, all: Vec::new() };
     let mut search = Search::new(&candidates, profile, goal);
-    let mut trials: Vec<Trial> = Vec::new();
-    while let Some((candidate, [error, ms])) = search.next() {
-        let outcome = tried(scene, view, &probes, &candidates[candidate], goal.stop())?;
-        search.learn(candidate, &outcome);
-        trials.push(Trial {
-            spec: candidates[candidate].spec.clone(),
-            predicted_error: error,
-            predicted_ms: ms,
-            outcome,
-        });
+    while let Some((candidate, predicted)) = search.next() {
+        search.learn(candidate, trials.add(&candidates[candidate], predicted)?);
     }
-    let Some(best) = search.best() else { return Err(missed(goal, &trials)) };
-    let chosen = trials.iter().position(|trial| trial.spec == candidates[best].spec).unwrap_or(0);
+    if let Some(best) = search.best()
+        && let Some((other, costs)) = search.bracket(best)
+    {
+        trials.refine([&candidates[best], &candidates[other]], costs)?;
+    }
+    let Some(chosen) = trials.best()? else { return Err(missed(goal, &trials.trials())) };
     Ok(Choice {
-        technique: candidates[best].technique(goal.stop())?,
+        technique: trials.all[chosen].0.technique(goal.stop())?,
         chosen,
-        trials,
+        trials: trials.trials(),
         candidates: candidates.len(),
         source: profile.source(),
     })
+}
+
+/// Largest number of trials between the last setting of the table that meets the goal and the next that does not.
+const REFINEMENTS: u32 = 3;
+
+/// The part of what the goal allows that a refined setting aims at, and the part from which on it is not refined further.
+const AIM: f64 = 0.96;
+const CLOSE: f64 = 0.92;
+
+/// Largest number of chosen settings whose time is measured again.
+const CONFIRMATIONS: u32 = 4;
+
+/// Trials of a scene in a view.
+struct Trials<'a> {
+    scene: &'a Arc<GpuScene>,
+    view: &'a View,
+    probes: Probes,
+    goal: Goal,
+    all: Vec<(Candidate, Trial)>,
+}
+
+impl Trials<'_> {
+    /// Tries a setting, and returns the outcome.
+    fn add(&mut self, candidate: &Candidate, [error, ms]: Costs) -> Result<&TrialOutcome> {
+        let outcome = tried(self.scene, self.view, &self.probes, candidate, self.goal.stop())?;
+        let (spec, predicted_error, predicted_ms) = (candidate.spec.clone(), error, ms);
+        self.all.push((candidate.clone(), Trial { spec, predicted_error, predicted_ms, outcome }));
+        Ok(&self.all[self.all.len() - 1].1.outcome)
+    }
+
+    /// Tries steps between a setting that meets the goal and its neighbour that does not, whose costs are known or
+    /// predicted: costs are powers of the step between them.
+    fn refine(&mut self, [inner, outer]: [&Candidate; 2], outer_costs: Costs) -> Result<()> {
+        let limit = self.goal.limit();
+        let Some(inner_costs) = self.all.iter().find_map(|(own, trial)| (own == inner).then(|| costs(trial)))
+        else {
+            return Ok(());
+        };
+        let mut ends = [(inner.clone(), inner_costs), (outer.clone(), outer_costs)];
+        for _ in 0..REFINEMENTS {
+            let [inner, outer] = &ends;
+            let limited = ends.each_ref().map(|(_, costs)| self.goal.axes(*costs)[0].max(f64::MIN_POSITIVE));
+            if limited[0] > CLOSE * limit {
+                break;
+            }
+            let share = (AIM * limit / limited[0]).ln() / (limited[1] / limited[0]).ln();
+            let Some(candidate) = inner.0.between(&outer.0, share) else { break };
+            let predicted = [0, 1].map(|axis| inner.1[axis] * (outer.1[axis] / inner.1[axis]).powf(share));
+            self.add(&candidate, predicted)?;
+            let Some((_, trial)) = self.all.last() else { break };
+            let costs = costs(trial);
+            let end = usize::from(self.goal.axes(costs)[0] > limit);
+            ends[end] = (candidate, costs);
+        }
+        Ok(())
+    }
+
+    /// Returns the best trial that meets the goal. A budget must be met by more frames than those of the trial.
+    fn best(&mut self) -> Result<Option<usize>> {
+        let limit = self.goal.limit();
+        for confirmed in 0.. {
+            let axes = |i: &usize| self.goal.axes(costs(&self.all[*i].1));
+            let meeting = (0..self.all.len()).filter(|i| axes(i)[0] <= limit);
+            let Some(best) = meeting.min_by(|a, b| axes(a)[1].total_cmp(&axes(b)[1])) else { break };
+            let (candidate, trial) = &mut self.all[best];
+            if confirmed < CONFIRMATIONS
+                && let (Goal::Budget(_), TrialOutcome::Drawn { ms, .. }) = (self.goal, &mut trial.outcome)
+            {
+                *ms = timed_again(self.scene, self.view, candidate, self.goal.stop())?;
+                if *ms > limit {
+                    continue;
+                }
+            }
+            return Ok(Some(best));
+        }
+        Ok(None)
+    }
+
+    fn trials(&self) -> Vec<Trial> {
+        self.all.iter().map(|(_, trial)| trial.clone()).collect()
+    }
+}
+
+/// Returns the bound of the error and the milliseconds of a trial; infinite ones if nothing was drawn.
+fn costs(trial: &Trial) -> Costs {
+    match trial.outcome {
+        TrialOutcome::Drawn { error, ms } => [error.bound, ms],
+        TrialOutcome::Refused(_) => [f64::INFINITY; 2],
+    }
 }
 
 /// Tries every available setting on every pixel, as a standard that a choice can be compared with.

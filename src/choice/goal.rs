@@ -21,6 +21,21 @@ impl Goal {
         }
     }
 
+    /// Returns the largest value of the cost that is limited.
+    pub(super) fn limit(self) -> f64 {
+        match self {
+            Self::MaxError(limit) | Self::Budget(limit) => limit,
+        }
+    }
+
+    /// Returns the cost that is limited, then the one that is minimised, of an error and a time.
+    pub(super) fn axes(self, [error, ms]: [f64; 2]) -> [f64; 2] {
+        match self {
+            Self::MaxError(_) => [error, ms],
+            Self::Budget(_) => [ms, error],
+        }
+    }
+
     /// Checks the number.
     ///
     /// # Errors

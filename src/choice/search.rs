@@ -31,6 +31,9 @@ pub(super) struct Search<'a> {
 const LEAST_ERROR: f64 = 1e-7;
 const LEAST_MS: f64 = 1e-3;
 
+/// A search with a result ends after so many trials that miss the goal.
+const MOST_MISSES: usize = 5;
+
 /// A trial must promise a cost below the best one times this factor.
 const WORTH: f64 = 0.87;
 
@@ -65,14 +68,20 @@ impl<'a> Search<'a> {
         };
         let least = |axis: usize| {
             move |a: &(usize, Costs), b: &(usize, Costs)| {
-                self.axes(a.1)[axis].total_cmp(&self.axes(b.1)[axis])
+                self.goal.axes(a.1)[axis].total_cmp(&self.goal.axes(b.1)[axis])
             }
         };
+        if let (Goal::Budget(_), Some(anchor)) = (self.goal, self.anchor()) {
+            return Some((anchor, self.predicted(anchor)));
+        }
         let price_now = self.best().map(|best| self.costs(best)[1]);
+        if price_now.is_some() && self.misses() >= MOST_MISSES {
+            return None;
+        }
         let promising = untried().filter(|&(i, predicted)| {
             let safety = if self.was_drawn(i) { SURE } else { UNSURE };
-            let [limited, price] = self.axes(predicted);
-            limited * safety <= self.limit() && price_now.is_none_or(|now| price < now * WORTH)
+            let [limited, price] = self.goal.axes(predicted);
+            limited * safety <= self.goal.limit() && price_now.is_none_or(|now| price < now * WORTH)
         });
         if let Some(next) = promising.min_by(least(1)) {
             return Some(next);
@@ -80,7 +89,7 @@ impl<'a> Search<'a> {
         let Some(price_now) = price_now else {
             // Nothing promises to meet the goal: try the nearest candidate, unless it is known to be far off.
             let near = |&(i, predicted): &(usize, Costs)| {
-                !self.was_drawn(i) || self.axes(predicted)[0] <= self.limit() * NEAR
+                !self.was_drawn(i) || self.goal.axes(predicted)[0] <= self.goal.limit() * NEAR
             };
             return untried().filter(near).min_by(least(0));
         };
@@ -88,10 +97,46 @@ impl<'a> Search<'a> {
         // much better than predicted.
         let surprise = |&(i, [error, ms]): &(usize, Costs)| {
             let was_tried = self.family(i).any(|other| self.known[other] != Known::Nothing);
-            let [limited, price] = self.axes([error / SURPRISE, ms]);
-            !was_tried && limited <= self.limit() && price < price_now * WORTH_A_SURPRISE
+            let [limited, price] = self.goal.axes([error / SURPRISE, ms]);
+            !was_tried && limited <= self.goal.limit() && price < price_now * WORTH_A_SURPRISE
         };
         untried().filter(surprise).min_by(|(_, a), (_, b)| a[0].total_cmp(&b[0]))
+    }
+
+    /// Returns the setting that tells how fast this scene is drawn, unless something was drawn: the fastest of those with
+    /// a step, whose time grows with the picture as most others' does.
+    fn anchor(&self) -> Option<usize> {
+        if self.known.iter().any(|known| matches!(known, Known::Measured(_))) {
+            return None;
+        }
+        let untried = (0..self.candidates.len()).filter(|&i| self.known[i] == Known::Nothing);
+        let rank = |i: &usize| (!self.candidates[*i].has_step(), self.prior[*i][1]);
+        untried.min_by(|a, b| {
+            let ((a, a_ms), (b, b_ms)) = (rank(a), rank(b));
+            a.cmp(&b).then(a_ms.total_cmp(&b_ms))
+        })
+    }
+
+    /// Returns the number of trials that miss the goal.
+    fn misses(&self) -> usize {
+        let drawn = (0..self.candidates.len()).filter(|&i| matches!(self.known[i], Known::Measured(_)));
+        drawn.filter(|&i| self.costs(i)[0] > self.goal.limit()).count()
+    }
+
+    /// Returns the neighbour of a setting in its family that misses the goal, with its costs, measured or predicted.
+    pub(super) fn bracket(&self, best: usize) -> Option<(usize, Costs)> {
+        let place = self.candidates[best].place;
+        let next = match self.goal {
+            Goal::MaxError(_) => place.checked_sub(1)?,
+            Goal::Budget(_) => place + 1,
+        };
+        let other = self.family(best).find(|&i| self.candidates[i].place == next)?;
+        let costs = match self.known[other] {
+            Known::Measured(costs) => costs,
+            Known::Nothing => self.predicted(other),
+            Known::Refused => return None,
+        };
+        (self.goal.axes(costs)[0] > self.goal.limit()).then_some((other, costs))
     }
 
     /// Records the outcome of a trial.
@@ -105,29 +150,15 @@ impl<'a> Search<'a> {
     /// Returns the best tried candidate that meets the goal.
     pub(super) fn best(&self) -> Option<usize> {
         (0..self.candidates.len())
-            .filter(|&i| self.costs(i)[0] <= self.limit())
+            .filter(|&i| self.costs(i)[0] <= self.goal.limit())
             .min_by(|&a, &b| self.costs(a)[1].total_cmp(&self.costs(b)[1]))
     }
 
     /// Returns the measured costs as [`Self::axes`] orders them.
     fn costs(&self, candidate: usize) -> [f64; 2] {
         match self.known[candidate] {
-            Known::Measured(costs) => self.axes(costs),
+            Known::Measured(costs) => self.goal.axes(costs),
             _ => [f64::INFINITY; 2],
-        }
-    }
-
-    /// Returns the cost that the goal limits, then the one that it minimises.
-    fn axes(&self, [error, ms]: Costs) -> [f64; 2] {
-        match self.goal {
-            Goal::MaxError(_) => [error, ms],
-            Goal::Budget(_) => [ms, error],
-        }
-    }
-
-    fn limit(&self) -> f64 {
-        match self.goal {
-            Goal::MaxError(limit) | Goal::Budget(limit) => limit,
         }
     }
 

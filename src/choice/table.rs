@@ -5,6 +5,9 @@ use crate::scene::Scene;
 use crate::technique::declare::draw::Of;
 use crate::technique::{Method, Technique};
 
+/// Steps whose logarithms differ by less draw in the same time, within what a measurement tells.
+const LEAST_CHANGE: f64 = 0.03;
+
 /// A setting that may be chosen.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Candidate {
@@ -16,6 +19,27 @@ pub(crate) struct Candidate {
 }
 
 impl Candidate {
+    /// Returns the specification up to a step, and the step; `None` if the setting does not end with one.
+    fn step(&self) -> Option<(&str, f64)> {
+        let (stem, step) = self.spec.rsplit_once('=')?;
+        let step = step.parse().ok().filter(|_| stem.ends_with("step"))?;
+        Some((stem, step))
+    }
+
+    pub(crate) fn has_step(&self) -> bool {
+        self.step().is_some()
+    }
+
+    /// Returns the setting with a step between those of this setting and another of its family, at a share of the
+    /// way on a logarithmic scale; `None` if it would be as good as one of them.
+    pub(crate) fn between(&self, other: &Self, share: f64) -> Option<Self> {
+        let ((stem, own), (_, end)) = (self.step()?, other.step()?);
+        let step = own * (end / own).powf(share);
+        let spec = format!("{stem}={step:.3}");
+        let is_new = |old: f64| (step / old).ln().abs() > LEAST_CHANGE;
+        (is_new(own) && is_new(end)).then(|| Self { spec, ..self.clone() })
+    }
+
     /// Returns the technique with `stop` as the threshold of early ray termination where it is supported.
     pub(crate) fn technique(&self, stop: f64) -> Result<Technique> {
         let joint = if self.spec.contains(':') { ',' } else { ':' };

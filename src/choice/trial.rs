@@ -41,7 +41,9 @@ pub enum TrialOutcome {
 
 /// Number of timed frames in a trial, unless they are long.
 const TIMED: u32 = 3;
-/// Milliseconds from which on one timed frame is enough.
+/// The same where a time is measured again.
+const TIMED_AGAIN: u32 = 9;
+/// Milliseconds of a frame from which on a third of the frames is enough.
 const LONG: f64 = 200.0;
 
 /// Draws the scene with a candidate and compares the image with the reference.
@@ -53,7 +55,7 @@ pub(super) fn tried(
     stop: f64,
 ) -> Result<TrialOutcome> {
     match drawn(scene, view, candidate, stop, TIMED) {
-        Ok((image, ms)) => Ok(TrialOutcome::Drawn { error: probes.error(&image), ms }),
+        Ok((image, times)) => Ok(TrialOutcome::Drawn { error: probes.error(&image), ms: median(times) }),
         Err(error @ (Error::Unsupported { .. } | Error::Invalid { .. } | Error::Memory { .. })) => {
             Ok(TrialOutcome::Refused(error.to_string()))
         }
@@ -61,21 +63,36 @@ pub(super) fn tried(
     }
 }
 
-/// Returns the image and the median time of some frames after the first.
+/// Returns the median time of more frames than a trial has, which tells whether its time was one of chance.
+pub(super) fn timed_again(
+    scene: &Arc<GpuScene>,
+    view: &View,
+    candidate: &Candidate,
+    stop: f64,
+) -> Result<f64> {
+    drawn(scene, view, candidate, stop, TIMED_AGAIN).map(|(_, times)| median(times))
+}
+
+/// Returns the image, and the times of some frames after the first; of fewer where they are long.
 pub(super) fn drawn(
     scene: &Arc<GpuScene>,
     view: &View,
     candidate: &Candidate,
     stop: f64,
     timed: u32,
-) -> Result<(Image, f64)> {
+) -> Result<(Image, Vec<f64>)> {
     let mut frames = Renderer::new(scene, candidate.technique(stop)?).frames(view)?;
     frames.draw(view)?;
     let image = frames.read_back()?;
     let mut times = vec![frames.draw(view)?.wall_ms];
-    while num::count(times.len()) < timed && times[0] < LONG {
+    let longest = LONG * f64::from(timed);
+    while num::count(times.len()) < timed && times.iter().sum::<f64>() < longest / 3.0 {
         times.push(frames.draw(view)?.wall_ms);
     }
+    Ok((image, times))
+}
+
+fn median(mut times: Vec<f64>) -> f64 {
     times.sort_by(f64::total_cmp);
-    Ok((image, times[times.len() / 2]))
+    times[times.len() / 2]
 }
