@@ -111,6 +111,21 @@ mod tests {
     }
 
     #[test]
+    fn steps_between_settings_are_settings() {
+        let of = |spec: &str| Candidate { spec: spec.to_string(), family: 3, place: 2 };
+        let [fine, coarse] = ["slabs:integrator=exact,step=0.5", "slabs:integrator=exact,step=1"].map(of);
+        let between = fine.between(&coarse, 0.5).unwrap();
+        assert_eq!(between, of("slabs:integrator=exact,step=0.707"));
+        between.technique(1e-3).unwrap();
+        assert_eq!(coarse.between(&fine, 0.25).unwrap().spec, "slabs:integrator=exact,step=0.841");
+        // As good as one of both, or no step at all.
+        assert_eq!(fine.between(&coarse, 0.01), None);
+        assert_eq!(fine.between(&coarse, 0.99), None);
+        assert_eq!(of("havs").between(&of("havs:resolution=half"), 0.5), None);
+        assert_eq!(of("shear-warp:every=2").between(&of("shear-warp:every=1"), 0.5), None);
+    }
+
+    #[test]
     fn every_candidate_is_a_technique_of_its_own() {
         let mut specs: Vec<String> = every().into_iter().map(|candidate| candidate.spec).collect();
         assert!(specs.len() > 40);

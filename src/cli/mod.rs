@@ -11,6 +11,7 @@ mod dispatch;
 mod in_flight;
 mod input;
 mod interrupt;
+mod load;
 mod markup;
 mod memory;
 mod nothing;

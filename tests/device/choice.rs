@@ -31,6 +31,13 @@ fn true_error(gpu: &Gpu, scene: &Scene, view: &View, choice: &Choice) -> f64 {
 fn the_error_that_is_asked_for_is_held() {
     let gpu = gpu();
     let grid = scene(Field::MarschnerLobb, 24, "f32", &FOG);
+    let all = choice::try_all(
+        &GpuScene::new(&gpu, grid.clone()),
+        &view(perspective(), 1.0, 8, 8),
+        Goal::Budget(1e3),
+    );
+    let table: Vec<String> = all.unwrap().into_iter().map(|(spec, _)| spec).collect();
+    let mut refined = Vec::new();
     // Larger than what is compared whole.
     for (scene, view) in [
         (&grid, view(perspective(), 1.0, 40, 30)),
@@ -53,9 +60,17 @@ fn the_error_that_is_asked_for_is_held() {
             assert_eq!(choice.source, Source::BuiltIn);
             assert!(choice.trials.len() <= choice.candidates);
             errors.push(truth);
+            // Steps between those of the table aim at the whole error.
+            let drawn = choice.trials.iter().filter_map(|trial| match trial.outcome {
+                TrialOutcome::Drawn { error, .. } => Some((&trial.spec, error.bound / max_error)),
+                TrialOutcome::Refused(_) => None,
+            });
+            let is_new = |spec: &String| scene.grid().is_some() && !table.contains(spec);
+            refined.extend(drawn.filter(|(spec, _)| is_new(spec)).map(|(_, share)| share));
         }
         assert!(errors[0] >= errors[2], "{errors:?}");
     }
+    assert!(refined.len() > 1 && refined.iter().any(|share| (0.8..=1.0).contains(share)), "{refined:?}");
 }
 
 #[test]
@@ -143,7 +158,7 @@ fn render_chooses_and_says_why() {
 fn a_profile_is_measured_kept_and_dropped() {
     let folder = Folder::new();
     folder.write("scene.json", SCENE);
-    let out = folder.run("calibrate").done().out;
+    let out = folder.run("calibrate --busy").done().out;
     assert!(out.contains(" settings on "), "{out}");
     let path = std::fs::read_dir(folder.path("cache/volraster")).unwrap().map(|entry| entry.unwrap().path());
     let path = path.into_iter().find(|path| path.to_string_lossy().contains("profile-")).unwrap();

@@ -6,6 +6,7 @@ use volraster::choice::{Profile, Source};
 
 use self::draws::Check;
 use crate::cli::input::{DeviceArgs, Size};
+use crate::cli::load::Load;
 use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::output;
 use crate::cli::timing::Times;
@@ -24,6 +25,9 @@ pub(crate) struct Args {
     /// Image size of --check.
     #[arg(long, value_name = "WxH", value_parser = Size::parse, default_value = "128x128", requires = "check")]
     size: Size,
+    /// Store the costs even if other programs took processors, which makes the times of some settings too long.
+    #[arg(long)]
+    busy: bool,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -47,11 +51,17 @@ impl Args {
         }
         Profile::check_store(&gpu)?;
         let bar = output::progress(0, "settings");
+        let load = Load::watch();
         let profile = Profile::measure(&gpu, &mut |done, all| {
             bar.set_length(u64::try_from(all).unwrap_or(0));
             bar.set_position(u64::try_from(done).unwrap_or(0));
         })?;
         bar.finish_and_clear();
+        if let Some(note) = load.as_ref().and_then(Load::note).filter(|_| !self.busy) {
+            return Err(Failure::Finding(format!(
+                "{note}: nothing is stored, --busy stores what was measured"
+            )));
+        }
         let path = profile.store(&gpu)?;
         if !quiet {
             let (count, device) = (profile.costs().count(), &gpu.report().name);

@@ -21,6 +21,7 @@ use self::film::{Film, Steps};
 use self::sink::Sink;
 use crate::cli::annotate::AnnotationArgs;
 use crate::cli::input::{ArraysArgs, DeviceArgs, Input, LookArgs, Request, Size, finite, positive};
+use crate::cli::load::Load;
 use crate::cli::nothing::why_nothing;
 use crate::cli::outcome::{Outcome, check_validation};
 use crate::cli::output;
@@ -114,10 +115,10 @@ impl Args {
         let mut chosen = None;
         if let Some(goal) = self.goal() {
             let profile = Profile::load(&gpu);
-            let start = Instant::now();
+            let (start, load) = (Instant::now(), Load::watch());
             let choice = choice::choose(&scene, &settings.view, goal, &profile)?;
             technique = choice.technique;
-            chosen = Some((choice, milliseconds_since(start)));
+            chosen = Some((choice, milliseconds_since(start), load));
         }
         drop(gpu);
         let load_and_open = [settings.load_ms, open_ms];
@@ -133,8 +134,8 @@ impl Args {
         let nothing = why_nothing(&drawn.image, scene.scene(), &settings.view);
         drop(scene);
         let mut stats = drawn.stats;
-        if let Some((choice, ms)) = &chosen {
-            stats["choice"] = chosen::json(choice, self.goal(), *ms);
+        if let Some((choice, ms, load)) = &chosen {
+            stats["choice"] = chosen::json(choice, self.goal(), *ms, load.as_ref());
         }
         stats["validation_messages"] = json!(log.messages().len());
 
@@ -154,8 +155,8 @@ impl Args {
                 let what = if sink.is_some() { "the first picture" } else { "the picture" };
                 output::complain(&format!("warning: {what} shows nothing: {why}"));
             }
-            if let Some((choice, _)) = &chosen {
-                output::print(&chosen::line(choice))?;
+            if let Some((choice, _, load)) = &chosen {
+                output::print(&chosen::line(choice, load.as_ref()))?;
             }
             let files = sink.as_ref().and_then(|sink| sink.names(views.len()));
             let files = files.unwrap_or_else(|| self.output.display().to_string());

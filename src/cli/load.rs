@@ -1,0 +1,83 @@
+//! Work of other programs on the processors of this machine, which delays what is measured.
+
+use std::time::Instant;
+
+/// Parts of a second in which Linux counts the time of processors.
+const TICKS: f64 = 100.0;
+
+/// The part of the processors from which on others' work is mentioned.
+const NOTABLE: f64 = 0.1;
+
+/// A watch on the work of other programs.
+pub(crate) struct Load {
+    ticks: u64,
+    begin: Instant,
+}
+
+impl Load {
+    /// Begins to watch; `None` if the system does not tell.
+    pub(crate) fn watch() -> Option<Self> {
+        Some(Self { ticks: of_others()?, begin: Instant::now() })
+    }
+
+    /// Returns the number of processors that others have taken since, on average.
+    pub(crate) fn others(&self) -> Option<f64> {
+        let ticks = of_others()?.saturating_sub(self.ticks);
+        Some(ticks as f64 / TICKS / self.begin.elapsed().as_secs_f64().max(1.0 / TICKS))
+    }
+
+    /// Returns a sentence on others' work if it took a notable part of the processors.
+    pub(crate) fn note(&self) -> Option<String> {
+        let processors = std::thread::available_parallelism().ok()?.get();
+        let others = self.others().filter(|others| *others > NOTABLE * processors as f64)?;
+        Some(format!("other programs took {others:.1} of {processors} processors meanwhile"))
+    }
+}
+
+/// Returns the time that processors have spent for others, also for other guests of a virtual machine's host.
+fn of_others() -> Option<u64> {
+    let all = busy(&std::fs::read_to_string("/proc/stat").ok()?)?;
+    Some(all.saturating_sub(own(&std::fs::read_to_string("/proc/self/stat").ok()?)?))
+}
+
+/// Returns the sum of user, nice, system, irq, softirq and steal in the first line of `/proc/stat`.
+fn busy(text: &str) -> Option<u64> {
+    let line = text.lines().next()?.strip_prefix("cpu ")?;
+    let times: Vec<u64> = line.split_whitespace().map_while(|word| word.parse().ok()).collect();
+    [0, 1, 2, 5, 6, 7].into_iter().map(|place| times.get(place).copied()).sum()
+}
+
+/// Returns the sum of utime and stime in `/proc/self/stat`, where a name in parentheses may contain blanks.
+fn own(text: &str) -> Option<u64> {
+    let (_, fields) = text.rsplit_once(')')?;
+    let mut times = fields.split_whitespace().skip(11).map(|word| word.parse::<u64>().ok());
+    Some(times.next()?? + times.next()??)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_those_of_linux() {
+        assert_eq!(busy("cpu  1 20 300 4000 50000 6 70 800 9 9\ncpu0 5"), Some(1 + 20 + 300 + 6 + 70 + 800));
+        assert_eq!(busy("intr 5"), None);
+        assert_eq!(own("77 (a ) b) S 1 2 3 4 5 6 7 8 9 10 500 60 7 8"), Some(560));
+    }
+
+    /// Its own work is not that of others.
+    #[test]
+    fn own_work_is_left_out() {
+        let Some(load) = Load::watch() else { return };
+        let (begin, before) = (Instant::now(), of_others().unwrap());
+        let mut x = 1.0_f64;
+        while begin.elapsed().as_secs_f64() < 0.3 {
+            x = (x + 1.0).sqrt();
+        }
+        let all = busy(&std::fs::read_to_string("/proc/stat").unwrap()).unwrap();
+        let mine = own(&std::fs::read_to_string("/proc/self/stat").unwrap()).unwrap();
+        assert!(x > 0.0 && mine >= 25, "{mine}");
+        assert!(of_others().unwrap() >= before && of_others().unwrap() <= all);
+        assert!(load.others().unwrap() >= 0.0);
+    }
+}
