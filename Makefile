@@ -6,10 +6,10 @@ CARGO ?= cargo
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build capi header demo pictures test test-all bench clean distclean
+.PHONY: help setup setup-tests build capi header demo view test-window pictures test test-all bench clean distclean
 
 help: ## This list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: ## Install what building and running need (Debian 12, Ubuntu 24.04)
 	@tools/setup.sh
@@ -30,6 +30,13 @@ header: ## Write include/volraster.h anew
 
 demo: build ## Draw the head; print device, time, error and where the picture is
 	@tools/demo.sh
+
+view: ## Open a file in a window (ARGS=FILE)
+	@tools/setup.sh --window
+	$(CARGO) run --release --features window -- view $(ARGS)
+
+test-window: ## Try the window on a display of its own
+	@tools/window.sh $(ARGS)
 
 pictures: build ## Draw the pictures of docs/TECHNIQUES.md
 	@tools/pictures.sh

@@ -89,7 +89,10 @@ fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
     for entry in entries.unwrap_or_else(|error| refuse!("{}: {error}", folder.display())) {
         let path = entry.path();
         if path.is_dir() {
-            walk(&path, files);
+            // Shaders of the window are for its feature.
+            if !path.ends_with("window") || env::var_os("CARGO_FEATURE_WINDOW").is_some() {
+                walk(&path, files);
+            }
         } else if path.extension().is_some_and(|extension| extension == "glsl") {
             println!("cargo::rerun-if-changed={}", path.display());
             files.push(path);

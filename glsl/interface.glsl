@@ -78,6 +78,8 @@
 
 #define BINDING_COUNTS 73       // storage block: COUNTS_* words
 
+#define BINDING_PANEL 74        // storage block: corners of the triangles of a window's panel
+
 #define BINDING_SCAN_WORDS 13   // storage block: words that are replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: 64-bit sums of chunks of them
 #define BINDING_SCAN_TOTAL 15   // storage block: the sum of all, lower and upper word

@@ -343,3 +343,38 @@ pub(crate) struct Triangle {
     pub(crate) plane: [f32; 4],
     pub(crate) colour: [f32; 4],
 }
+
+/// The push constants of `picture.glsl`.
+#[cfg(feature = "window")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct PicturePush {
+    pub(crate) background: [f32; 4],
+    pub(crate) corner: [f32; 2],
+    pub(crate) size: [f32; 2],
+}
+
+/// The push constants of `panel.glsl`.
+#[cfg(feature = "window")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct PanelPush {
+    pub(crate) size: [f32; 2],
+}
+
+/// A corner of a triangle of a window's panel (`panel.glsl`).
+#[cfg(feature = "window")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct PanelCorner {
+    /// Position in the window, in pixels from its top left corner.
+    pub position: [f32; 2],
+    /// Position in the atlas, from 0 to 1.
+    pub place: [f32; 2],
+    /// The rectangle of the window that the triangle is cut at, in pixels: each word has x in its lower and y in its upper half.
+    pub clip: [u32; 2],
+    /// Premultiplied sRGB with opacity, a byte each, red in the lowest.
+    pub colour: u32,
+    /// Not used.
+    pub pad: u32,
+}

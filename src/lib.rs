@@ -19,6 +19,8 @@ mod replace;
 mod resident;
 pub mod scene;
 pub mod technique;
+#[cfg(feature = "window")]
+pub mod window;
 
 pub use ash;
 pub use error::{Error, Result};

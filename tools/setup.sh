@@ -3,6 +3,7 @@
 #
 #     tools/setup.sh            what building and running need
 #     tools/setup.sh --tests    the validation layers and Vulkan's C headers too
+#     tools/setup.sh --window   what a window needs at run time, too; with --tests a display without a screen
 #
 # It installs only what is missing, and does nothing (in well under a second) when all is there.
 # The system is touched by apt alone; everything else goes to .deps/ inside the checkout.
@@ -25,10 +26,12 @@ die() {
 has() { command -v "$1" >/dev/null 2>&1; }
 
 with_tests=false
+with_window=false
 for arg in "$@"; do
     case $arg in
     --tests) with_tests=true ;;
-    *) die "unknown argument '$arg' (the only one is --tests)" ;;
+    --window) with_window=true ;;
+    *) die "unknown argument '$arg' (there are --tests and --window)" ;;
     esac
 done
 
@@ -61,6 +64,9 @@ why() {
     mesa-vulkan-drivers) echo "Mesa's drivers, among them lavapipe, which needs no GPU" ;;
     libvulkan-dev) echo "Vulkan's C headers, for the C example that the tests build" ;;
     vulkan-validationlayers) echo "the validation layers, which every test runs under" ;;
+    libxcursor1 | libxi6 | libxkbcommon-x11-0 | libx11-xcb1) echo "the window on X11" ;;
+    libwayland-client0 | libxkbcommon0) echo "the window on Wayland" ;;
+    xvfb) echo "a display without a screen, for tests of the window" ;;
     cmake | git | python3 | ninja-build) echo "building the shader compiler from source" ;;
     *) echo "needed" ;;
     esac
@@ -118,6 +124,10 @@ install() { # packages, all of them missing
 # What the program and the tests need at run time, and the compilers: nothing replaces these.
 required=(make g++ binutils spirv-tools libvulkan1 mesa-vulkan-drivers)
 if $with_tests; then required+=(vulkan-validationlayers libvulkan-dev); fi
+if $with_window; then
+    required+=(libxcursor1 libxi6 libxkbcommon-x11-0 libx11-xcb1 libwayland-client0 libxkbcommon0)
+    if $with_tests; then required+=(xvfb); fi
+fi
 # The shader compiler: where these are not to be had it is built from source.
 compiler=(libshaderc-dev glslang-dev)
 

@@ -9,8 +9,9 @@ use super::search::{Costs, Search};
 use super::table::{self, Candidate};
 use super::trial::{Trial, TrialOutcome, timed_again, tried};
 use crate::error::{Error, Result};
+use crate::image::Image;
 use crate::resident::GpuScene;
-use crate::scene::View;
+use crate::scene::{Scene, View};
 use crate::technique::Technique;
 
 /// A setting that meets the goal.
@@ -170,6 +171,13 @@ fn costs(trial: &Trial) -> Costs {
         TrialOutcome::Drawn { error, ms } => [error.bound, ms],
         TrialOutcome::Refused(_) => [f64::INFINITY; 2],
     }
+/// Estimates the error of an image of a scene in a view, as [`choose`] does for its trials.
+///
+/// # Errors
+///
+/// As [`reference::pixels`](crate::reference::pixels).
+pub fn estimate(scene: &Scene, view: &View, image: &Image) -> Result<Estimate> {
+    Ok(Probes::new(scene, view, Probes::MOST)?.error(image))
 }
 
 /// Tries every available setting on every pixel, as a standard that a choice can be compared with.

@@ -14,7 +14,7 @@ mod search;
 mod table;
 mod trial;
 
-pub use decide::{Choice, choose, try_all};
+pub use decide::{Choice, choose, estimate, try_all};
 pub use goal::Goal;
 pub use probes::Estimate;
 pub use profile::{Profile, Source};

@@ -5,6 +5,8 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
+#[cfg(feature = "window")]
+use crate::cli::commands::view;
 use crate::cli::commands::{
     bench, calibrate, compare, convert, devices, info, reference, render, schema, selftest, shaders,
     techniques,
@@ -28,6 +30,9 @@ struct Cli {
 enum Command {
     /// Draw a scene file or a data file. For a data file, camera and transfer function are chosen automatically.
     Render(render::Args),
+    /// Open a window to turn the data in and to edit its transfer function.
+    #[cfg(feature = "window")]
+    View(view::Args),
     /// Draw the float64 reference image on the CPU.
     Reference(reference::Args),
     /// Draw a scene with several techniques and measure the error of each.
@@ -65,6 +70,8 @@ pub(crate) fn main() -> ExitCode {
     let quiet = cli.quiet;
     let outcome = match &cli.command {
         Command::Render(args) => args.run(quiet),
+        #[cfg(feature = "window")]
+        Command::View(args) => args.run(quiet),
         Command::Reference(args) => args.run(quiet),
         Command::Compare(args) => args.run(quiet),
         Command::Bench(args) => args.run(quiet),

@@ -8,6 +8,7 @@ mod annotate;
 mod cache;
 mod commands;
 mod dispatch;
+mod histogram;
 mod in_flight;
 mod input;
 mod interrupt;

@@ -167,7 +167,9 @@ pub(crate) fn draws_directly(target: &Canvas, format: vk::Format, back_to_front:
 /// Returns the usage of an image after it is drawn: it is read back, or sampled by another pass of the frame or by the composite.
 pub(crate) fn usage_after(target: &TargetDesc, sampled: bool) -> vk::ImageUsageFlags {
     if target.format().is_none() && !sampled {
-        vk::ImageUsageFlags::TRANSFER_SRC
+        // A window shows it.
+        let shown = if cfg!(feature = "window") { vk::ImageUsageFlags::SAMPLED } else { Default::default() };
+        vk::ImageUsageFlags::TRANSFER_SRC | shown
     } else {
         vk::ImageUsageFlags::SAMPLED
     }

@@ -15,6 +15,17 @@ use crate::error::{Error, Result};
 
 const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
+/// The extensions for surfaces of windows, of which a system has some.
+#[cfg(feature = "window")]
+const SURFACES: [&CStr; 6] = [
+    ash::khr::surface::NAME,
+    ash::khr::wayland_surface::NAME,
+    ash::khr::xcb_surface::NAME,
+    ash::khr::xlib_surface::NAME,
+    ash::khr::win32_surface::NAME,
+    ext::metal_surface::NAME,
+];
+
 /// A Vulkan instance. An instance of the crate's own destroys itself and its messenger.
 pub(crate) struct Instance {
     pub(crate) raw: ash::Instance,
@@ -24,6 +35,9 @@ pub(crate) struct Instance {
     /// Version of the validation layer, if the crate has enabled it.
     pub(crate) layer_version: Option<String>,
     pub(crate) log: Arc<ValidationLog>,
+    /// The enabled extensions for surfaces.
+    #[cfg(feature = "window")]
+    pub(super) surfaces: Vec<&'static CStr>,
     /// Whether the crate has made it.
     owned: bool,
     /// Owner of the caller's instance and device.
@@ -59,8 +73,18 @@ impl Instance {
         let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let debug_utils = layer.is_some() || has(ext::debug_utils::NAME);
         let portability = has(ash::khr::portability_enumeration::NAME);
-        let create =
-            |layer: Option<&Layer>| create(entry, validation, layer, &log, [debug_utils, portability]);
+        #[cfg(feature = "window")]
+        let surfaces: Vec<&'static CStr> =
+            SURFACES.into_iter().filter(|name| options.window && has(name)).collect();
+        #[cfg(feature = "window")]
+        if options.window && !surfaces.contains(&ash::khr::surface::NAME) {
+            return Err(Error::unsupported("a window", "VK_KHR_surface"));
+        }
+        #[cfg(not(feature = "window"))]
+        let surfaces: [&CStr; 0] = [];
+        let create = |layer: Option<&Layer>| {
+            create(entry, validation, layer, &log, [debug_utils, portability], &surfaces)
+        };
         let mut raw = create(layer.as_ref());
         // Older loaders do not know VK_EXT_layer_settings, and refuse it.
         if let (Err(vk::Result::ERROR_EXTENSION_NOT_PRESENT), Some(layer)) =
@@ -76,6 +100,8 @@ impl Instance {
             debug_utils,
             layer_version: layer.as_ref().map(|layer| layer.version.clone()),
             log,
+            #[cfg(feature = "window")]
+            surfaces,
             owned: true,
             _keep: None,
             loader,
@@ -105,10 +131,20 @@ impl Instance {
             debug_utils,
             layer_version: None,
             log: Arc::default(),
+            #[cfg(feature = "window")]
+            surfaces: Vec::new(),
             owned: false,
             _keep: keep,
             loader: Loader::of(entry),
         }
+    }
+}
+
+#[cfg(feature = "window")]
+impl Instance {
+    /// The entry points that the instance was made with.
+    pub(super) fn entry(&self) -> &ash::Entry {
+        &self.loader.entry
     }
 }
 
@@ -195,8 +231,9 @@ fn create(
     layer: Option<&Layer>,
     log: &ValidationLog,
     [debug_utils, portability]: [bool; 2],
+    surfaces: &[&CStr],
 ) -> ash::prelude::VkResult<ash::Instance> {
-    let mut names = Vec::new();
+    let mut names: Vec<_> = surfaces.iter().map(|name| name.as_ptr()).collect();
     if debug_utils {
         names.push(ext::debug_utils::NAME.as_ptr());
     }

@@ -42,6 +42,8 @@ pub(crate) mod shader;
 mod statistics;
 mod steps;
 mod submit;
+#[cfg(feature = "window")]
+mod surface;
 pub(crate) mod sync;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -57,6 +59,8 @@ pub(crate) use pipeline::{Blend, GraphicsState, Pipeline};
 pub(crate) use recorder::{Keep, Recorder};
 pub(crate) use steps::{Attachment, Groups, Step, Used};
 pub(crate) use submit::Commands;
+#[cfg(feature = "window")]
+pub(crate) use surface::Surface;
 pub(crate) use timers::Timers;
 
 pub use adopt::GpuParts;

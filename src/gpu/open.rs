@@ -95,6 +95,10 @@ impl Gpu {
             names.push(khr::pipeline_executable_properties::NAME.as_ptr());
             statistics.pipeline_executable_info = vk::TRUE;
         }
+        #[cfg(feature = "window")]
+        if options.window {
+            names.push(khr::swapchain::NAME.as_ptr());
+        }
         let mut features = vk::PhysicalDeviceFeatures::default()
             .fragment_stores_and_atomics(enabled.fragment_stores_and_atomics);
         // GPU-assisted validation makes every stage write.
@@ -127,8 +131,14 @@ impl Gpu {
             info = info.push_next(&mut statistics);
         }
         // SAFETY: the pointers in `info` refer to locals; extensions and features were found present.
-        let device = unsafe { instance.raw.create_device(physical, &info, None) }
-            .map_err(|result| Error::vulkan("vkCreateDevice", result))?;
+        let device =
+            unsafe { instance.raw.create_device(physical, &info, None) }.map_err(|result| match result {
+                #[cfg(feature = "window")]
+                vk::Result::ERROR_EXTENSION_NOT_PRESENT if options.window => {
+                    Error::unsupported("a window", "VK_KHR_swapchain")
+                }
+                _ => Error::vulkan("vkCreateDevice", result),
+            })?;
         // SAFETY: the device was created with one queue of this family.
         let queue = unsafe { device.get_device_queue(candidate.queue_family, 0) };
         let queue = Queue::new(queue, None);

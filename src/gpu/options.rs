@@ -54,6 +54,9 @@ pub struct GpuOptions {
     pub pipeline_cache: Option<PathBuf>,
     /// Whether pipelines are not kept on disk.
     pub no_pipeline_cache: bool,
+    /// Whether the device presents images in windows ([`Screen`](crate::window::Screen)). An error where it cannot.
+    #[cfg(feature = "window")]
+    pub window: bool,
     /// Counts the device's Vulkan calls and makes some of them fail; for tests.
     #[cfg(feature = "testing")]
     pub inject: Option<Injection>,

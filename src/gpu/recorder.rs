@@ -11,6 +11,8 @@ use super::buffer::Buffer;
 use super::descriptors::Descriptors;
 use super::device::Gpu;
 use super::external::CommandBuffer;
+#[cfg(feature = "window")]
+use super::external::TargetImage;
 use super::image::{Image, whole};
 use super::instance::c_name;
 use super::pipeline::Pipeline;
@@ -186,6 +188,18 @@ impl<'a> Recorder<'a> {
     /// Makes an image ready for a use, also by later recordings.
     pub(crate) fn leave(&mut self, image: &Arc<Image>, next: Use) {
         self.leave_used(Used::Image(Arc::clone(image)), next);
+    }
+
+    /// Declares that a swapchain has handed an image over.
+    #[cfg(feature = "window")]
+    pub(crate) fn assume_acquired(&mut self, target: &TargetImage) {
+        self.inherit(Used::Target(*target), Use::Acquired);
+    }
+
+    /// Makes an image of a swapchain ready to be shown.
+    #[cfg(feature = "window")]
+    pub(crate) fn leave_presented(&mut self, target: &TargetImage) {
+        self.leave_used(Used::Target(*target), Use::Presented);
     }
 
     /// Makes writes to an image visible to every later shader, also of later recordings.

@@ -39,6 +39,12 @@ pub(crate) enum Use {
     ColorAttachment,
     /// Any later shader samples or reads it.
     AnyShaderRead,
+    /// The window's system has handed it over; its contents are undefined.
+    #[cfg(feature = "window")]
+    Acquired,
+    /// The window's system shows it.
+    #[cfg(feature = "window")]
+    Presented,
 }
 
 impl Use {
@@ -62,6 +68,11 @@ impl Use {
             Self::ComputeReadWrite => (compute, read_write, L::GENERAL),
             Self::ColorAttachment => (Stage::COLOR_ATTACHMENT_OUTPUT, blended, L::COLOR_ATTACHMENT_OPTIMAL),
             Self::AnyShaderRead => (Stage::ALL_COMMANDS, Access::SHADER_READ | Access::UNIFORM_READ, shader),
+            // The host waits for a fence before it submits, and for the submission before it presents.
+            #[cfg(feature = "window")]
+            Self::Acquired => (Stage::COLOR_ATTACHMENT_OUTPUT, Access::NONE, L::UNDEFINED),
+            #[cfg(feature = "window")]
+            Self::Presented => (Stage::COLOR_ATTACHMENT_OUTPUT, Access::NONE, L::PRESENT_SRC_KHR),
         }
     }
 

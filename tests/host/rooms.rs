@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Rooms of `src/`, lower first. A room uses those before it.
-const ROOMS: [&str; 19] = [
+const ROOMS: [&str; 20] = [
     "num",
     "error",
     "image",
@@ -22,12 +22,13 @@ const ROOMS: [&str; 19] = [
     "measure",
     "choice",
     "ffi",
+    "window",
     "lib",
     "cli",
 ];
 
 /// Rooms of `glsl/`, each with those that its files may include from. All may include `interface.glsl`.
-const SHADER_ROOMS: [(&str, &[&str]); 9] = [
+const SHADER_ROOMS: [(&str, &[&str]); 10] = [
     ("gpu", &["shared"]),
     ("resident", &["shared"]),
     ("shared", &[]),
@@ -37,6 +38,7 @@ const SHADER_ROOMS: [(&str, &[&str]); 9] = [
     ("shear-warp", &["shared", "primitives", "frame", "grid"]),
     ("mesh", &["shared", "primitives", "frame"]),
     ("splat", &["shared", "primitives", "frame"]),
+    ("window", &[]),
 ];
 
 type Names = Vec<String>;

@@ -14,3 +14,5 @@ pub(crate) mod schema;
 pub(crate) mod selftest;
 pub(crate) mod shaders;
 pub(crate) mod techniques;
+#[cfg(any(test, feature = "window"))]
+pub(crate) mod view;

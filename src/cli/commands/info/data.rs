@@ -7,7 +7,7 @@ use volraster::io::Report;
 use volraster::scene::{Anatomy, Grid, KernelSize, Points, TetScalars, Tets};
 
 use super::facts::Facts;
-use super::histogram::Histogram;
+use crate::cli::histogram::Histogram;
 use crate::cli::numbers::{number, triple};
 
 impl Facts {

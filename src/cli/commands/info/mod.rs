@@ -4,9 +4,7 @@
 
 mod data;
 mod facts;
-mod histogram;
 mod scene;
-mod scene_file;
 
 use std::path::PathBuf;
 
@@ -15,7 +13,7 @@ use volraster::io::Data;
 use volraster::{Error, Result};
 
 use self::facts::Facts;
-use crate::cli::input::{ArraysArgs, Input, LookArgs};
+use crate::cli::input::{ArraysArgs, Input, LookArgs, scene_file};
 use crate::cli::outcome::Outcome;
 use crate::cli::output;
 
@@ -42,7 +40,7 @@ impl Args {
     pub(crate) fn run(&self) -> Outcome {
         let input = self.look.apply(Input::load(&self.file, None, &self.arrays, true)?)?;
         if self.scene {
-            let scene = scene_file::scene_file(&self.file, &self.arrays, &input.scene, &input.settings)?;
+            let scene = scene_file(&self.file, &self.arrays, &input.scene, &input.settings)?;
             return Ok(output::print(&format!("{scene:#}"))?);
         }
         let facts = self.facts(input)?;

@@ -9,7 +9,7 @@ use volraster::scene::{
 };
 
 use super::facts::Facts;
-use super::scene_file::{lighting_json, projection, rows};
+use crate::cli::input::{lighting_json, projection, rows};
 use crate::cli::numbers::{number, triple};
 use crate::cli::table;
 

@@ -1,6 +1,8 @@
 //! Histograms of scalars.
 
 use serde::Serialize;
+#[cfg(any(test, feature = "window"))]
+use volraster::scene::Data;
 use volraster::scene::{Grid, Samples};
 
 /// Maximum number of classes.
@@ -57,17 +59,32 @@ impl Histogram {
         Self { first, width, counts }
     }
 
+    /// Computes the histogram of the scalars of data; `None` where they have none.
+    #[cfg(any(test, feature = "window"))]
+    pub(crate) fn of_data(data: &Data) -> Option<Self> {
+        match data {
+            Data::Grid(grid) => Some(Self::of(grid)),
+            Data::Mesh(mesh) => Some(Self::of_values(mesh.range(), mesh.scalars().values())),
+            Data::Points(points) => Some(Self::of_values(points.range(), points.scalars()?)),
+            _ => None,
+        }
+    }
+
+    /// Returns the logarithm of each count relative to that of the largest, from 0 to 1.
+    pub(crate) fn heights(&self) -> impl Iterator<Item = f64> {
+        let height = |count: u64| ((1 + count) as f64).ln();
+        let most = height(self.counts.iter().copied().max().unwrap_or(0).max(1));
+        self.counts.iter().map(move |&count| height(count) / most)
+    }
+
     /// Returns one character per class, as high as the logarithm of its count.
     pub(crate) fn sketch(&self) -> String {
         const BARS: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
-        let most = self.counts.iter().copied().max().unwrap_or(0);
-        let height = |count: u64| ((1 + count) as f64).ln();
-        let bar = |&count: &u64| match count {
+        let bar = |height: f64| {
             // Classes that are not empty are always visible.
-            0 => BARS[0],
-            _ => BARS[whole(8.0 * height(count) / height(most)).clamp(1, 8)],
+            if height == 0.0 { BARS[0] } else { BARS[whole(8.0 * height).clamp(1, 8)] }
         };
-        self.counts.iter().map(bar).collect()
+        self.heights().map(bar).collect()
     }
 }
 
