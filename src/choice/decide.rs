@@ -171,6 +171,8 @@ fn costs(trial: &Trial) -> Costs {
         TrialOutcome::Drawn { error, ms } => [error.bound, ms],
         TrialOutcome::Refused(_) => [f64::INFINITY; 2],
     }
+}
+
 /// Estimates the error of an image of a scene in a view, as [`choose`] does for its trials.
 ///
 /// # Errors
