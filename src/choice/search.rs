@@ -154,7 +154,7 @@ impl<'a> Search<'a> {
             .min_by(|&a, &b| self.costs(a)[1].total_cmp(&self.costs(b)[1]))
     }
 
-    /// Returns the measured costs as [`Self::axes`] orders them.
+    /// Returns the measured costs as [`Goal::axes`] orders them.
     fn costs(&self, candidate: usize) -> [f64; 2] {
         match self.known[candidate] {
             Known::Measured(costs) => self.goal.axes(costs),

@@ -7,9 +7,9 @@ use volraster::Result;
 use volraster::glam::DVec3;
 use volraster::scene::{Knot, TransferFunction};
 
-use super::panel::scalar;
 use super::session::Session;
 use crate::cli::histogram::Histogram;
+use crate::cli::numbers::number;
 
 /// Height of the curve and of the strip of colours under it, in points.
 const HEIGHT: f32 = 150.0;
@@ -105,7 +105,7 @@ impl Editor {
                 }
                 changed = Some(knots);
             }
-            ui.label(format!("at {}: extinction {}", scalar(knot.s), scalar(knot.tau)));
+            ui.label(format!("at {}: extinction {}", number(knot.s), number(knot.tau)));
         });
         if let Some(knots) = changed {
             session.set_transfer(TransferFunction::new(knots)?);

@@ -12,7 +12,6 @@ use volraster::{Result, Technique};
 use super::editor::Editor;
 use super::session::Session;
 use crate::cli::input::{ArraysArgs, with_options};
-use crate::cli::numbers::number;
 
 /// Width of the panel, in points.
 pub(super) const WIDTH: f32 = 300.0;
@@ -302,9 +301,4 @@ fn mouse(ui: &Ui, place: Rect, session: &mut Session) {
     if wheel != 0.0 {
         session.zoom((f64::from(wheel) / 400.0).exp());
     }
-}
-
-/// Formats a scalar for the panel.
-pub(super) fn scalar(value: f64) -> String {
-    number(value)
 }
