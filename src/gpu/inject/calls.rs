@@ -243,11 +243,14 @@ mod tests {
         injection.enter(info(name)).map(|(error, _)| error)
     }
 
-    /// Reported calls are named by string literals of `src/gpu`.
+    /// Reported calls are named by string literals of `src/gpu`. Tests of failures have no display, and so no surface.
     #[test]
     fn every_call_whose_failure_is_reported_can_be_made_to_fail() {
         let room = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/gpu");
         for file in std::fs::read_dir(room).unwrap().map(|entry| entry.unwrap().path()) {
+            if file.ends_with("surface.rs") {
+                continue;
+            }
             let text = std::fs::read_to_string(&file).unwrap_or_default();
             for (at, _) in text.match_indices("\"vk").filter(|(at, _)| !text[..*at].ends_with('c')) {
                 info(text[at + 1..].split('"').next().unwrap());
