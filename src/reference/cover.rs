@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::num;
 use crate::scene::View;
 
-use super::tets::{LocalRay, Piece, TetRays};
+use super::tets::{Cell, LocalRay, Piece, TetRays};
 use super::view_ray::{ViewRay, ViewRays};
 
 /// Rows and columns of a block; the pieces of one block are in memory at a time.
@@ -51,8 +51,13 @@ pub(super) fn render(
             covers.iter().filter(|c| c.rows[0] <= last && c.rows[1] >= first).copied().collect();
         for left in (0..width).step_by(num::index(COLUMNS)) {
             let right = (left + COLUMNS).min(width) - 1;
-            let block: Vec<Cover> =
-                band.iter().filter(|c| c.columns[0] <= right && c.columns[1] >= left).copied().collect();
+            let covers = band.iter().filter(|c| c.columns[0] <= right && c.columns[1] >= left);
+            let candidate = |&cover: &Cover| {
+                let (cell, outline) =
+                    (rays.cell(cover.cell)?, Seen::of(rays, view, cover.cell).outline(view));
+                Some(Candidate { cover, cell, outline })
+            };
+            let block: Vec<Candidate> = covers.filter_map(candidate).collect();
             for (row, y) in pixels.chunks_mut(num::index(width)).zip(first..) {
                 let row = &mut row[num::index(left)..=num::index(right)];
                 draw_run(rays, view_rays, &block, [left, y], samples, row);
@@ -124,23 +129,82 @@ impl Pixel {
     }
 }
 
+/// A tetrahedron that may cover pixels of a block.
+struct Candidate {
+    cover: Cover,
+    cell: Cell,
+    /// Its outline in the image; `None` near the eye's plane.
+    outline: Option<Outline>,
+}
+
+/// The places of a tetrahedron's corners in the image, in pixels, and a bound of their errors.
+#[derive(Clone, Copy)]
+struct Outline {
+    places: [DVec2; 4],
+    margin: f64,
+}
+
+impl Outline {
+    /// Returns the first and the last place that the projection of the tetrahedron may have on a horizontal line.
+    fn span(&self, y: f64) -> [f64; 2] {
+        /// Rounding of larger places is no small part of the margin.
+        const LARGE: f64 = 1e9;
+        if !self.places.iter().all(|place| place.abs().max_element() < LARGE) {
+            return [f64::NEG_INFINITY, f64::INFINITY];
+        }
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut add = |x: f64| (low, high) = (low.min(x), high.max(x));
+        let band = [y - self.margin, y + self.margin];
+        for (i, a) in self.places.iter().enumerate() {
+            if (band[0]..=band[1]).contains(&a.y) {
+                add(a.x);
+            }
+            for b in &self.places[i + 1..] {
+                for edge in band {
+                    if (a.y < edge) != (b.y < edge) {
+                        add(a.x + (b.x - a.x) * ((edge - a.y) / (b.y - a.y)));
+                    }
+                }
+            }
+        }
+        [low - self.margin, high + self.margin]
+    }
+}
+
 /// Draws a run of pixels in one row, from the column and row `[left, y]` on.
 fn draw_run(
     rays: &TetRays,
     view_rays: &ViewRays,
-    block: &[Cover],
+    block: &[Candidate],
     [left, y]: [u32; 2],
     samples: u32,
     row: &mut [[f64; 4]],
 ) {
     let right = left + num::count(row.len()) - 1;
+    let cells: Vec<&Candidate> =
+        block.iter().filter(|c| c.cover.rows[0] <= y && c.cover.rows[1] >= y).collect();
+    let mut spans: Vec<[f64; 2]> = Vec::new();
+    let mut line = f64::NAN;
     for offset in samples_of(samples) {
+        // Lines of samples follow each other.
+        if line != offset.y {
+            line = offset.y;
+            let all = [f64::NEG_INFINITY, f64::INFINITY];
+            let span = |c: &&Candidate| c.outline.map_or(all, |outline| outline.span(f64::from(y) + line));
+            spans.clear();
+            spans.extend(cells.iter().map(span));
+        }
         let at = |x: u32| view_rays.at(DVec2::new(f64::from(x), f64::from(y)) + offset);
         let mut pixels: Vec<Pixel> = (left..=right).map(|x| Pixel::new(rays, at(x))).collect();
-        for cover in block.iter().filter(|c| c.rows[0] <= y && c.rows[1] >= y) {
-            let Some(cell) = rays.cell(cover.cell) else { continue };
+        for (Candidate { cover, cell, .. }, span) in cells.iter().zip(&spans) {
             let [first, last] = [cover.columns[0].max(left), cover.columns[1].min(right)];
-            for pixel in &mut pixels[num::index(first - left)..=num::index(last - left)] {
+            // Columns whose sample lies in the span.
+            let first = first.max(num::u32_of((span[0] - offset.x).ceil().max(0.0)));
+            let last = f64::from(last).min((span[1] - offset.x).floor());
+            if last < f64::from(first) {
+                continue;
+            }
+            for pixel in &mut pixels[num::index(first - left)..=num::index(num::u32_of(last) - left)] {
                 pixel.pieces.extend(cell.piece(&pixel.ray));
             }
         }
@@ -162,35 +226,55 @@ fn covers(rays: &TetRays, view: &View) -> Vec<Cover> {
     shown.filter_map(|cell| cover(rays, view, cell)).collect()
 }
 
+/// A tetrahedron's corners as the camera sees them: coordinates to the right of, below and ahead of the eye, with a bound of
+/// their rounding.
+struct Seen([([f64; 3], f64); 4]);
+
+impl Seen {
+    fn of(rays: &TetRays, view: &View, cell: u32) -> Self {
+        let corners = rays.mesh.cells()[num::index(cell)].map(|i| rays.mesh.points()[num::index(i)]);
+        let eye = view.camera().eye;
+        Self(corners.map(|p| {
+            let relative = p - eye;
+            let coordinates = [view.right(), -view.up(), view.forward()].map(|axis| relative.dot(axis));
+            (coordinates, f64::EPSILON * (16.0 * relative.length() + 4.0 * p.length()))
+        }))
+    }
+
+    /// Returns the places of the corners in the image, if all lie well in front of the eye: the projection of the
+    /// tetrahedron is then their hull.
+    fn outline(&self, view: &View) -> Option<Outline> {
+        let ahead = |(at, _): &([f64; 3], f64)| at[2] > 1e-3 * (at[0].abs() + at[1].abs());
+        if view.is_perspective() && !self.0.iter().all(ahead) {
+            return None;
+        }
+        let half = view.extent().map(|side| 0.5 * f64::from(side));
+        let mut margin = 0.0_f64;
+        let places = self.0.map(|(at, rounding)| {
+            let size = view.pixel_size() * if view.is_perspective() { at[2] } else { 1.0 };
+            margin = margin.max(MARGIN + rounding / size);
+            DVec2::new(half[0] + at[0] / size, half[1] + at[1] / size)
+        });
+        Some(Outline { places, margin })
+    }
+}
+
 /// Returns the pixels that a tetrahedron may cover, if any.
 fn cover(rays: &TetRays, view: &View, cell: u32) -> Option<Cover> {
-    let corners = rays.mesh.cells()[num::index(cell)].map(|i| rays.mesh.points()[num::index(i)]);
+    let seen = Seen::of(rays, view, cell);
     let [width, height] = view.extent();
-    let eye = view.camera().eye;
-    // Coordinates to the right of, below and ahead of the eye, with a bound of their rounding.
-    let seen = corners.map(|p| {
-        let relative = p - eye;
-        let coordinates = [view.right(), -view.up(), view.forward()].map(|axis| relative.dot(axis));
-        (coordinates, f64::EPSILON * (16.0 * relative.length() + 4.0 * p.length()))
-    });
-    let hull = |axis: usize, side: u32| {
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for (at, rounding) in &seen {
-            let size = view.pixel_size() * if view.is_perspective() { at[2] } else { 1.0 };
-            let (place, margin) = (0.5 * f64::from(side) + at[axis] / size, MARGIN + rounding / size);
-            (low, high) = (low.min(place - margin), high.max(place + margin));
-        }
+    let Some(Outline { places, margin }) = seen.outline(view) else {
+        let (columns, rows) = (wedges(view, &seen.0, 0, width)?, wedges(view, &seen.0, 1, height)?);
+        return Some(Cover { cell, columns, rows });
+    };
+    let reach = |axis: usize, side: u32| {
+        let places = places.map(|place| place[axis]);
+        let low = places.into_iter().fold(f64::INFINITY, f64::min) - margin;
+        let high = places.into_iter().fold(f64::NEG_INFINITY, f64::max) + margin;
         let inside = high >= 0.0 && low <= f64::from(side);
         inside.then(|| [num::u32_of(low).min(side - 1), num::u32_of(high).min(side - 1)])
     };
-    // Well in front of the eye, the projection of a convex hull is the hull of the projections.
-    let ahead = |(at, _): &([f64; 3], f64)| at[2] > 1e-3 * (at[0].abs() + at[1].abs());
-    let (columns, rows) = if !view.is_perspective() || seen.iter().all(ahead) {
-        (hull(0, width)?, hull(1, height)?)
-    } else {
-        (wedges(view, &seen, 0, width)?, wedges(view, &seen, 1, height)?)
-    };
-    Some(Cover { cell, columns, rows })
+    Some(Cover { cell, columns: reach(0, width)?, rows: reach(1, height)? })
 }
 
 /// Returns the first and the last row or column that may meet a tetrahedron near the eye's plane.

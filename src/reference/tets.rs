@@ -75,22 +75,29 @@ impl LocalRay {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell {
     index: u32,
-    /// In ascending order of their indices, so that two cells treat shared corners alike.
-    points: [DVec3; 4],
+    /// The corners' x, y and z, in ascending order of their indices, so that two cells treat shared corners alike. Lists
+    /// of coordinates, because the compiler then computes with several corners at once.
+    points: [[f64; 4]; 3],
     s: [f64; 4],
 }
 
 impl Cell {
     /// Returns the part of a ray inside the tetrahedron. Parameters count from the ray's `start`.
     pub(super) fn piece(&self, ray: &LocalRay) -> Option<Piece> {
-        let relative = each(self.points, |p| p - ray.start);
-        let plane = each(relative, |p| DVec2::new(p.dot(ray.across[0]), p.dot(ray.across[1])));
-        // Reject by the projection's box first: most cells are missed.
-        let [a, b, c, d] = plane;
-        let (low, high) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
-        if low.x > 0.0 || low.y > 0.0 || high.x < 0.0 || high.y < 0.0 {
+        let start = ray.start.to_array();
+        let relative: [[f64; 4]; 3] =
+            std::array::from_fn(|axis| std::array::from_fn(|i| self.points[axis][i] - start[axis]));
+        let along = |direction: DVec3| -> [f64; 4] {
+            let [x, y, z] = &relative;
+            std::array::from_fn(|i| x[i] * direction.x + y[i] * direction.y + z[i] * direction.z)
+        };
+        // Reject by the projection's box first: many cells are missed.
+        let misses = |[a, b, c, d]: [f64; 4]| a.min(b).min(c.min(d)) > 0.0 || a.max(b).max(c.max(d)) < 0.0;
+        let (right, up) = (along(ray.across[0]), along(ray.across[1]));
+        if misses(right) || misses(up) {
             return None;
         }
+        let [a, b, c, d] = std::array::from_fn(|i| DVec2::new(right[i], up[i]));
         let sides = (side(a, b), side(a, c), side(a, d), side(b, c), side(b, d), side(c, d));
         let (ab, ac, ad, bc, bd, cd) = sides;
         let positive = [ab.0, ac.0, ad.0, bc.0, bd.0, cd.0];
@@ -100,7 +107,7 @@ impl Cell {
             each(FACES, |(_, [bc, ac, ab])| positive[ab] == positive[bc] && positive[ab] != positive[ac]);
         let mut faces = FACES.iter().zip(crossed).filter_map(|(face, crossed)| crossed.then_some(face));
         let first = faces.next()?;
-        let depths = each(relative, |p| p.dot(ray.direction));
+        let depths = along(ray.direction);
         let crossing = |&(face, edges): &([usize; 3], [usize; 3])| {
             let weights = edges.map(|edge| areas[edge]);
             [mean(weights, face.map(|i| depths[i])), mean(weights, face.map(|i| self.s[i]))]
@@ -167,7 +174,8 @@ impl<'a> TetRays<'a> {
         let mut corners = self.mesh.cells()[num::index(index)];
         corners.sort_unstable();
         let s = self.scalars(index, corners)?;
-        Some(Cell { index, points: each(corners, |i| self.mesh.points()[num::index(i)]), s })
+        let points = each(corners, |i| self.mesh.points()[num::index(i)]);
+        Some(Cell { index, points: [0, 1, 2].map(|axis| each(points, |point| point[axis])), s })
     }
 
     /// Returns the scalars of a tetrahedron's corners, or `None` if one is NaN.
