@@ -74,11 +74,13 @@ pub fn choose(scene: &Arc<GpuScene>, view: &View, goal: Goal, profile: &Profile)
     {
         trials.refine([&candidates[best], &candidates[other]], costs)?;
     }
-    let Some(chosen) = trials.best()? else { return Err(missed(goal, &trials.trials())) };
+    let best = trials.best()?;
+    let (tried, trials): (Vec<Candidate>, Vec<Trial>) = trials.all.into_iter().unzip();
+    let Some(chosen) = best else { return Err(missed(goal, &trials)) };
     Ok(Choice {
-        technique: trials.all[chosen].0.technique(goal.stop())?,
+        technique: tried[chosen].technique(goal.stop())?,
         chosen,
-        trials: trials.trials(),
+        trials,
         candidates: candidates.len(),
         source: profile.source(),
     })
@@ -116,7 +118,8 @@ impl Trials<'_> {
     /// predicted: costs are powers of the step between them.
     fn refine(&mut self, [inner, outer]: [&Candidate; 2], outer_costs: Costs) -> Result<()> {
         let limit = self.goal.limit();
-        let Some(inner_costs) = self.all.iter().find_map(|(own, trial)| (own == inner).then(|| costs(trial)))
+        let Some(inner_costs) =
+            self.all.iter().find_map(|(own, trial)| (own == inner).then(|| trial.outcome.costs()))
         else {
             return Ok(());
         };
@@ -130,9 +133,7 @@ impl Trials<'_> {
             let share = (AIM * limit / limited[0]).ln() / (limited[1] / limited[0]).ln();
             let Some(candidate) = inner.0.between(&outer.0, share) else { break };
             let predicted = [0, 1].map(|axis| inner.1[axis] * (outer.1[axis] / inner.1[axis]).powf(share));
-            self.add(&candidate, predicted)?;
-            let Some((_, trial)) = self.all.last() else { break };
-            let costs = costs(trial);
+            let costs = self.add(&candidate, predicted)?.costs();
             let end = usize::from(self.goal.axes(costs)[0] > limit);
             ends[end] = (candidate, costs);
         }
@@ -143,7 +144,7 @@ impl Trials<'_> {
     fn best(&mut self) -> Result<Option<usize>> {
         let limit = self.goal.limit();
         for confirmed in 0.. {
-            let axes = |i: &usize| self.goal.axes(costs(&self.all[*i].1));
+            let axes = |i: &usize| self.goal.axes(self.all[*i].1.outcome.costs());
             let meeting = (0..self.all.len()).filter(|i| axes(i)[0] <= limit);
             let Some(best) = meeting.min_by(|a, b| axes(a)[1].total_cmp(&axes(b)[1])) else { break };
             let (candidate, trial) = &mut self.all[best];
@@ -158,18 +159,6 @@ impl Trials<'_> {
             return Ok(Some(best));
         }
         Ok(None)
-    }
-
-    fn trials(&self) -> Vec<Trial> {
-        self.all.iter().map(|(_, trial)| trial.clone()).collect()
-    }
-}
-
-/// Returns the bound of the error and the milliseconds of a trial; infinite ones if nothing was drawn.
-fn costs(trial: &Trial) -> Costs {
-    match trial.outcome {
-        TrialOutcome::Drawn { error, ms } => [error.bound, ms],
-        TrialOutcome::Refused(_) => [f64::INFINITY; 2],
     }
 }
 

@@ -142,7 +142,7 @@ impl<'a> Search<'a> {
     /// Records the outcome of a trial.
     pub(super) fn learn(&mut self, candidate: usize, outcome: &TrialOutcome) {
         self.known[candidate] = match outcome {
-            TrialOutcome::Drawn { error, ms } => Known::Measured([error.bound, *ms]),
+            TrialOutcome::Drawn { .. } => Known::Measured(outcome.costs()),
             TrialOutcome::Refused(_) => Known::Refused,
         };
     }

@@ -39,6 +39,16 @@ pub enum TrialOutcome {
     Refused(String),
 }
 
+impl TrialOutcome {
+    /// Returns the bound of the error and the milliseconds; infinite ones if nothing was drawn.
+    pub(super) fn costs(&self) -> [f64; 2] {
+        match self {
+            Self::Drawn { error, ms } => [error.bound, *ms],
+            Self::Refused(_) => [f64::INFINITY; 2],
+        }
+    }
+}
+
 /// Number of timed frames in a trial, unless they are long.
 const TIMED: u32 = 3;
 /// The same where a time is measured again.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::io::build::arrays;
 use crate::io::build::data_file::DataFile;
-use crate::io::build::file_names::{is_number, natural, pieces};
+use crate::io::build::file_names::{in_order, is_number, pieces};
 use crate::io::file::source::{Source, list};
 use crate::io::formats::dicom::{self, recognise};
 use crate::io::formats::refused;
@@ -179,11 +179,10 @@ impl Files {
         let named = |path: &Path, endings: &[&str]| {
             path.extension().is_some_and(|own| endings.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
         };
-        let (mut all, folders) = list(folder)?;
-        all.sort_by(|a, b| natural(&name(a), &name(b)));
+        let (all, folders) = list(folder)?;
         let mut files = Self { folders, ..Self::default() };
         let mut named_only = Vec::new();
-        for path in all {
+        for path in in_order(all) {
             let name = name(&path);
             if is_aside(&name) {
                 files.left_out.push(name);

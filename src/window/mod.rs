@@ -1,4 +1,4 @@
-//! What a window shows: the picture of [`Frames`], and over it the triangles of a panel, which any toolkit may make. Behind the feature
+//! A window shows the picture of [`Frames`], and over it the triangles of a panel, which any toolkit may make. Behind the feature
 //! `window`.
 //!
 //! The surface of the window is in `gpu`. This room uses `frame`, `technique` and `gpu`; the program uses it.

@@ -13,7 +13,7 @@ use volraster::{Image, Result};
 use self::ink::{Align, Ink, Letters, blend};
 use crate::cli::plot::nice_step;
 
-/// What is written and drawn into a picture.
+/// The annotations of a picture.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct AnnotationArgs {
     /// Draw a bar of the colours of the scalars, with this title [default: the name of the array].
@@ -178,6 +178,8 @@ struct Bar {
     domain: [f64; 2],
     ticks: Vec<(f64, String)>,
     text: f64,
+    /// The width of the longest label.
+    widest: f64,
     low: DVec2,
     high: DVec2,
 }
@@ -189,12 +191,19 @@ impl Bar {
         let widest = ticks.iter().map(|(_, label)| own.letters.width(label, text)).fold(0.0, f64::max);
         let right = width - widest - 1.3 * text;
         let [low, high] = [0.75, 0.25].map(|share| share * height);
-        Self { domain, ticks, text, low: DVec2::new(right - 0.8 * text, low), high: DVec2::new(right, high) }
+        Self {
+            domain,
+            ticks,
+            text,
+            widest,
+            low: DVec2::new(right - 0.8 * text, low),
+            high: DVec2::new(right, high),
+        }
     }
 
     /// Draws frame, ticks and title.
     fn scale(&self, own: &Annotations, title: &str, ink: &mut Ink) {
-        let Self { domain, ticks, text, low, high } = self;
+        let Self { domain, ticks, text, widest, low, high } = self;
         let frame = [*low, DVec2::new(high.x, low.y), *high, DVec2::new(low.x, high.y), *low];
         ink.line(&frame, 0.06 * text);
         for (value, label) in ticks {
@@ -203,8 +212,7 @@ impl Bar {
             ink.line(&[at, at + DVec2::new(0.3 * text, 0.0)], 0.06 * text);
             ink.text(&own.letters, label, *text, at + DVec2::new(0.5 * text, 0.33 * text), Align::Left);
         }
-        let last = ticks.iter().map(|(_, label)| own.letters.width(label, *text)).fold(0.0, f64::max);
-        let base = DVec2::new(high.x + 0.5 * text + last, high.y - 0.8 * text);
+        let base = DVec2::new(high.x + 0.5 * text + widest, high.y - 0.8 * text);
         ink.text(&own.letters, title, *text, base, Align::Right);
     }
 

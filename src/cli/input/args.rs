@@ -2,10 +2,43 @@
 
 use std::sync::Arc;
 
+use volraster::choice::Goal;
 use volraster::gpu::{GpuOptions, Validation, ValidationLog};
 use volraster::io::ReadOptions;
 use volraster::scene::View;
 use volraster::{Gpu, Result};
+
+use super::technique::Request;
+
+/// The technique, or the goal of its choice.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct ChoiceArgs {
+    /// Technique and options, see `volraster techniques` [default: that of the scene, else the default for its data].
+    #[arg(long, value_name = "NAME[:key=value,...]")]
+    technique: Option<String>,
+    /// Choose the fastest technique and options whose root mean square error is at most this (premultiplied linear
+    /// colour). The search draws trial images and compares them with the float64 reference.
+    #[arg(long, value_name = "RMSE", conflicts_with = "technique", allow_negative_numbers = true,
+        value_parser = positive)]
+    max_error: Option<f64>,
+    /// Choose the most accurate technique and options that draw a frame within this many milliseconds.
+    #[arg(long, value_name = "MS", conflicts_with_all = ["technique", "max_error"], allow_negative_numbers = true,
+        value_parser = positive)]
+    budget: Option<f64>,
+}
+
+impl ChoiceArgs {
+    /// Returns the technique that is given.
+    pub(crate) fn request(&self) -> Result<Option<Request>> {
+        self.technique.as_deref().map(Request::parse).transpose()
+    }
+
+    /// Returns the goal of an automatic choice.
+    pub(crate) fn goal(&self) -> Option<Goal> {
+        self.max_error.map(Goal::MaxError).or_else(|| self.budget.map(Goal::Budget))
+    }
+}
+
 /// The device to draw with.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct DeviceArgs {

@@ -1,6 +1,7 @@
 //! Names of the files that hold a volume: listed, or numbered by a pattern; and the order of names with numbers.
 
 use std::cmp::Ordering;
+use std::path::PathBuf;
 
 use crate::num;
 
@@ -135,8 +136,15 @@ pub(crate) fn is_number(piece: &str) -> bool {
     piece.starts_with(|c: char| c.is_ascii_digit())
 }
 
+/// Sorts files by the numbers in their names.
+#[must_use]
+pub fn in_order(mut files: Vec<PathBuf>) -> Vec<PathBuf> {
+    files.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
+    files
+}
+
 /// Compares names so that numbers in them sort by value: 2 before 10.
-pub(crate) fn natural(a: &str, b: &str) -> Ordering {
+fn natural(a: &str, b: &str) -> Ordering {
     let (left, right) = (pieces(a), pieces(b));
     for (left, right) in left.iter().zip(&right) {
         let order = if is_number(left) && is_number(right) {

@@ -9,7 +9,7 @@ use quick_xml::events::Event;
 use serde::Deserialize;
 
 use crate::error::{Error, Result};
-use crate::io::build::file_names::natural;
+use crate::io::build::file_names::in_order;
 use crate::io::file::json::parse;
 use crate::io::file::source::{Encoding, Source, list};
 use crate::io::formats::vtk_xml::attributes::{Attributes, no_xml};
@@ -58,13 +58,6 @@ pub(crate) fn steps(path: &Path, options: &ReadOptions) -> Result<Option<Vec<Ste
         return Err(Error::file(path, "steps", rule));
     }
     Ok(Some(steps))
-}
-
-/// Sorts files by the numbers in their names.
-#[must_use]
-pub fn in_order(mut files: Vec<PathBuf>) -> Vec<PathBuf> {
-    files.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
-    files
 }
 
 fn open(path: &Path, options: &ReadOptions) -> Result<Source> {

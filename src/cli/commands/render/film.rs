@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex};
 use std::thread::{self, ScopedJoinHandle};
+use std::time::Instant;
 
 use volraster::io::scene_file::LoadedScene;
 use volraster::io::{Data, ReadOptions, Report};
@@ -73,7 +74,7 @@ fn warn_of_others([low, high]: [f64; 2], ranges: &[StepRange]) {
     ));
 }
 
-/// What a film is made of.
+/// A film: its frames, how they are drawn, and where they go.
 pub(super) struct Film<'a> {
     pub(super) technique: Technique,
     /// The view of each frame; at least one.
@@ -97,8 +98,9 @@ impl Film<'_> {
     ) -> std::result::Result<Drawn, Failure> {
         interrupt::watch();
         let view = &self.views[0];
-        let prepare = || Renderer::new(scene, self.technique).frames(view);
-        let (mut frames, setup) = Setup::prepare(scene, self.technique, prepare, |frames| frames)?;
+        let start = Instant::now();
+        let mut frames = Renderer::new(scene, self.technique).frames(view)?;
+        let setup = Setup::of(scene, self.technique, start, frames.plan());
         let first = frames.draw(view)?;
         let image = frames.read_back()?;
         let (drawn, pictures) = sync_channel(1);

@@ -13,14 +13,14 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use serde_json::json;
-use volraster::choice::{Goal, Profile};
+use volraster::choice::Profile;
 use volraster::scene::View;
 use volraster::{Error, GpuScene, Result, choice};
 
 use self::film::{Film, Steps};
 use self::sink::Sink;
 use crate::cli::annotate::AnnotationArgs;
-use crate::cli::input::{ArraysArgs, DeviceArgs, Input, LookArgs, Request, Size, finite, positive};
+use crate::cli::input::{ArraysArgs, ChoiceArgs, DeviceArgs, Input, LookArgs, Size, finite, positive};
 use crate::cli::load::Load;
 use crate::cli::nothing::why_nothing;
 use crate::cli::outcome::{Outcome, check_validation};
@@ -45,18 +45,8 @@ pub(crate) struct Args {
     /// which the program `ffmpeg` encodes.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Technique and options, see `volraster techniques` [default: that of the scene, else the default for its data].
-    #[arg(long, value_name = "NAME[:key=value,...]")]
-    technique: Option<String>,
-    /// Choose the fastest technique and options whose root mean square error is at most this (premultiplied linear
-    /// colour). The search draws trial images and compares them with the float64 reference.
-    #[arg(long, value_name = "RMSE", conflicts_with = "technique", allow_negative_numbers = true,
-        value_parser = positive)]
-    max_error: Option<f64>,
-    /// Choose the most accurate technique and options that draw a frame within this many milliseconds.
-    #[arg(long, value_name = "MS", conflicts_with_all = ["technique", "max_error"], allow_negative_numbers = true,
-        value_parser = positive)]
-    budget: Option<f64>,
+    #[command(flatten)]
+    choice: ChoiceArgs,
     /// Image size [default: that of the scene].
     #[arg(long, value_name = "WxH", value_parser = Size::parse)]
     size: Option<Size>,
@@ -94,7 +84,7 @@ impl Args {
         let files = volraster::io::in_order(self.scenes.clone());
         let sink = Sink::of(&self.output, self.fps)?;
         self.check(&files, sink.as_ref())?;
-        let request = self.technique.as_deref().map(Request::parse).transpose()?;
+        let request = self.choice.request()?;
         let load = if sink.is_some() { Input::load_step } else { Input::load };
         let input = load(&files[0], self.size, &self.arrays, quiet)?;
         let steps = Steps::new(&files, &self.arrays, &input.settings.report);
@@ -113,7 +103,7 @@ impl Args {
         let open_ms = milliseconds_since(start);
         let scene = GpuScene::new(&gpu, scene);
         let mut chosen = None;
-        if let Some(goal) = self.goal() {
+        if let Some(goal) = self.choice.goal() {
             let profile = Profile::load(&gpu);
             let (start, load) = (Instant::now(), Load::watch());
             let choice = choice::choose(&scene, &settings.view, goal, &profile)?;
@@ -135,7 +125,7 @@ impl Args {
         drop(scene);
         let mut stats = drawn.stats;
         if let Some((choice, ms, load)) = &chosen {
-            stats["choice"] = chosen::json(choice, self.goal(), *ms, load.as_ref());
+            stats["choice"] = chosen::json(choice, self.choice.goal(), *ms, load.as_ref());
         }
         stats["validation_messages"] = json!(log.messages().len());
 
@@ -200,11 +190,6 @@ impl Args {
             output::check_apart("--overflow-map", map, &taken)?;
         }
         Ok(())
-    }
-
-    /// Returns the goal of an automatic choice.
-    fn goal(&self) -> Option<Goal> {
-        self.max_error.map(Goal::MaxError).or_else(|| self.budget.map(Goal::Budget))
     }
 
     /// Returns the view of each frame of a film, or of each timed frame.

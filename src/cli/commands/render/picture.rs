@@ -1,6 +1,7 @@
 //! Drawing of one image, with timed frames after it.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use volraster::scene::View;
 use volraster::technique::FrameTime;
@@ -20,9 +21,10 @@ impl Args {
         timed: &[View],
         load_and_open_ms: [f64; 2],
     ) -> Result<(Drawn, Option<Image>)> {
-        let prepare = || InFlight::new(scene, technique, view, self.in_flight);
-        let (mut plans, setup) = Setup::prepare(scene, technique, prepare, InFlight::first)?;
+        let start = Instant::now();
+        let mut plans = InFlight::new(scene, technique, view, self.in_flight)?;
         let drawing = plans.first();
+        let setup = Setup::of(scene, technique, start, drawing.plan());
         let first = drawing.draw(view)?;
         let image = drawing.read_back()?;
         let map = if self.overflow_map.is_some() {

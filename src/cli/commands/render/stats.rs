@@ -1,12 +1,12 @@
-//! What drawing has measured, as JSON and as a line.
+//! The measurements of drawing, as JSON and as a line.
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Value, json};
 use volraster::scene::{Data, View};
-use volraster::technique::{FrameTime, Frames};
-use volraster::{GpuScene, Image, Renderer, Result, Technique};
+use volraster::technique::FrameTime;
+use volraster::{GpuScene, Image, Plan, Renderer, Result, Technique};
 
 use crate::cli::input;
 use crate::cli::memory::{peak_rss_bytes, summed};
@@ -22,7 +22,7 @@ pub(super) struct Drawn {
     pub(super) line: String,
 }
 
-/// What is known of the first plan.
+/// The first plan, and how long its preparation took.
 pub(super) struct Setup {
     technique: Technique,
     /// Milliseconds for preparing, without pipelines, and in all.
@@ -34,19 +34,11 @@ pub(super) struct Setup {
 }
 
 impl Setup {
-    /// Prepares drawing, and returns what preparing made.
-    pub(super) fn prepare<T>(
-        scene: &Arc<GpuScene>,
-        technique: Technique,
-        prepare: impl FnOnce() -> Result<T>,
-        frames: impl FnOnce(&mut T) -> &mut Frames,
-    ) -> Result<(T, Self)> {
-        let start = Instant::now();
-        let mut made = prepare()?;
+    /// Takes the first plan, whose preparation began at `start` and has just ended.
+    pub(super) fn of(scene: &GpuScene, technique: Technique, start: Instant, plan: &Plan) -> Self {
         let (prepare_ms, pipelines_ms) = (milliseconds_since(start), scene.gpu().pipeline_ms());
-        let plan = frames(&mut made).plan();
         let (route, counters, pass_bytes) = (plan.route(), plan.counters(), json!(plan.pass_bytes()));
-        Ok((made, Self { technique, pipelines_ms, prepare_ms, route, counters, pass_bytes }))
+        Self { technique, pipelines_ms, prepare_ms, route, counters, pass_bytes }
     }
 
     /// Describes drawing: the first frame, of the view given, and the timed ones. Draws once more to count samples if

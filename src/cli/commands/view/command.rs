@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use volraster::choice::Goal;
 use volraster::gpu::{GpuOptions, Validation};
 use volraster::{Gpu, GpuScene};
 use winit::event_loop::EventLoop;
@@ -11,7 +10,7 @@ use winit::event_loop::EventLoop;
 use super::app::{App, Script};
 use super::panel::Panel;
 use super::session::Session;
-use crate::cli::input::{ArraysArgs, DeviceArgs, Input, LookArgs, Request, Size, positive};
+use crate::cli::input::{ArraysArgs, ChoiceArgs, DeviceArgs, Input, LookArgs, Size, positive};
 use crate::cli::outcome::{Failure, Outcome, check_validation};
 use crate::cli::output;
 
@@ -25,17 +24,8 @@ pub(crate) struct Args {
     arrays: ArraysArgs,
     #[command(flatten)]
     look: LookArgs,
-    /// Technique and options, see `volraster techniques` [default: that of the scene, else the default for its data].
-    #[arg(long, value_name = "NAME[:key=value,...]")]
-    technique: Option<String>,
-    /// Choose the fastest technique and options whose root mean square error is at most this, as `render` does.
-    #[arg(long, value_name = "RMSE", conflicts_with = "technique", allow_negative_numbers = true,
-        value_parser = positive)]
-    max_error: Option<f64>,
-    /// Choose the most accurate technique and options that draw the still picture within this many milliseconds.
-    #[arg(long, value_name = "MS", conflicts_with_all = ["technique", "max_error"], allow_negative_numbers = true,
-        value_parser = positive)]
-    budget: Option<f64>,
+    #[command(flatten)]
+    choice: ChoiceArgs,
     /// Milliseconds of a frame while the picture moves: it is as coarse as that needs.
     #[arg(long, value_name = "MS", default_value_t = 100.0, allow_negative_numbers = true, value_parser = positive)]
     frame: f64,
@@ -59,7 +49,7 @@ impl Args {
     /// Runs the command.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
         let begin = Instant::now();
-        let request = self.technique.as_deref().map(Request::parse).transpose()?;
+        let request = self.choice.request()?;
         if let Some(path) = &self.save {
             output::check_image(path)?;
         }
@@ -73,7 +63,7 @@ impl Args {
         let gpu = Gpu::new(&GpuOptions { validation, window: true, ..self.device.options() })?;
         let log = gpu.validation_log();
         let mut session = Session::new(GpuScene::new(&gpu, scene), &settings, technique, self.frame);
-        let goal = self.max_error.map(Goal::MaxError).or_else(|| self.budget.map(Goal::Budget));
+        let goal = self.choice.goal();
         if let Some(goal) = goal {
             session.search(goal);
         }

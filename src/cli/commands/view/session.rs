@@ -1,4 +1,4 @@
-//! What a window shows and changes, without the window: the scene, camera and technique, pictures that begin coarse and end equal to
+//! The state of a window, without the window itself: the scene, camera and technique, pictures that begin coarse and end equal to
 //! those of `render`, and work beside them.
 
 use std::path::Path;
