@@ -36,7 +36,10 @@ impl Load {
 
 /// Returns the time that processors have spent for others, also for other guests of a virtual machine's host.
 fn of_others() -> Option<u64> {
-    difference(&std::fs::read_to_string("/proc/stat").ok()?, &std::fs::read_to_string("/proc/self/stat").ok()?)
+    difference(
+        &std::fs::read_to_string("/proc/stat").ok()?,
+        &std::fs::read_to_string("/proc/self/stat").ok()?,
+    )
 }
 
 /// Returns the time in `/proc/stat` that `/proc/self/stat` does not claim. The two are counted in different ways, so

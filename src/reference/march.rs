@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::num;
 use crate::scene::{Knot, TransferFunction};
 
 use super::polynomial::{self, Cubic, gauss_legendre};
@@ -50,48 +51,71 @@ pub(super) struct Classes {
     rules: Rules,
 }
 
-/// The quadrature rules of panels.
+/// The quadrature rules of panels, each with a Taylor series of the transmittance whose rest is below 2^-56 up to the
+/// panel's optical depth.
 #[derive(Debug)]
 struct Rules {
-    few: Rule<8>,
-    more: Rule<10>,
-    most: Rule<14>,
+    few: Rule<8, 6>,
+    more: Rule<10, 9>,
+    most: Rule<14, 16>,
 }
 
-/// A quadrature rule.
+impl Rules {
+    fn new() -> Self {
+        Self { few: Rule::new(0.0), more: Rule::new(0.0), most: Rule::new(0.5) }
+    }
+}
+
+/// A quadrature rule, and the series of exp(-x) with as many `TERMS`.
 #[derive(Debug)]
-struct Rule<const N: usize> {
+struct Rule<const N: usize, const TERMS: usize> {
     places: [f64; N],
     weights: [f64; N],
+    /// The place around which the series is taken, and its coefficients, constant first.
+    centre: f64,
+    series: [f64; TERMS],
 }
 
-impl<const N: usize> Rule<N> {
-    fn new() -> Self {
+impl<const N: usize, const TERMS: usize> Rule<N, TERMS> {
+    fn new(centre: f64) -> Self {
         let nodes = gauss_legendre(N);
+        let mut series = [(-centre).exp(); TERMS];
+        for k in 1..TERMS {
+            series[k] = -series[k - 1] / num::f64_of(k);
+        }
         Self {
             places: std::array::from_fn(|i| nodes[i].x),
             weights: std::array::from_fn(|i| nodes[i].weight),
+            centre,
+            series,
         }
     }
 
     /// Integrates the emission of a panel, times the distance of its place from 1 and from 0. `extinction` is
     /// optical depth per unit of the parameter.
     fn moments(&self, extinction: &Cubic, place: &Cubic) -> [f64; 2] {
-        let depths = self.at_nodes(|x| polynomial::integral(extinction, x));
+        let decays = self.at_nodes(|x| self.decay(polynomial::integral(extinction, x)));
         let extinctions = self.at_nodes(|x| polynomial::value(extinction, x));
         let places = self.at_nodes(|x| polynomial::value(place, x));
         let mut moments = [0.0; 2];
         for i in 0..N {
-            let emitted = self.weights[i] * extinctions[i] * (-depths[i]).exp();
+            let emitted = self.weights[i] * extinctions[i] * decays[i];
             moments[0] += emitted * (1.0 - places[i]);
             moments[1] += emitted * places[i];
         }
         moments
     }
 
+    /// Returns exp(-depth) for depths within the panel's.
+    #[inline]
+    fn decay(&self, depth: f64) -> f64 {
+        let x = depth - self.centre;
+        self.series.iter().rev().fold(0.0, |sum, c| sum * x + c)
+    }
+
     /// Returns a function's values at the nodes.
     ///
-    /// Not inlined: among calls of `exp` the compiler does not vectorise the loop.
+    /// Not inlined: among other code the compiler does not vectorise the loop.
     #[inline(never)]
     fn at_nodes(&self, f: impl Fn(f64) -> f64) -> [f64; N] {
         let mut values = [0.0; N];
@@ -113,11 +137,10 @@ impl Classes {
             count += usize::from(knot.tau > 0.0);
             absorbing.push(count);
         }
-        let rules = Rules { few: Rule::new(), more: Rule::new(), most: Rule::new() };
         let scalars = knots.iter().map(|knot| knot.s);
         let bounds = [f64::NEG_INFINITY].into_iter().chain(scalars).chain([f64::INFINITY]).collect();
         let most = knots.iter().fold(DVec3::ZERO, |most, knot| most.max(knot.colour));
-        let mut classes = Self { knots, bounds, absorbing, vacuum: Vec::new(), most, rules };
+        let mut classes = Self { knots, bounds, absorbing, vacuum: Vec::new(), most, rules: Rules::new() };
         let empty = |interval: &usize| classes.are_vacuum(*interval, *interval);
         let mut vacuum: Vec<[f64; 2]> = Vec::new();
         for interval in (0..=classes.knots.len()).filter(empty) {
@@ -274,7 +297,7 @@ impl March {
         let range = b.s - a.s;
         let mut place = [0.0; 4];
         if range > 0.0 {
-            place = polynomial::part(scalar, from, width);
+            place = if width < 1.0 { polynomial::part(scalar, from, width) } else { *scalar };
             place[0] -= a.s;
             place = place.map(|c| c / range);
             // A cubic with values in [0, 1] has coefficients of at most 24 (Chebyshev's). Larger ones mean
@@ -401,7 +424,7 @@ impl March {
 
 /// A lit piece: optical depth per unit of its parameter, and its colour.
 struct Glow<'a> {
-    rule: &'a Rule<14>,
+    rule: &'a Rule<14, 16>,
     extinction: &'a Cubic,
     colour: &'a dyn Fn(f64) -> [f64; 3],
 }
@@ -417,7 +440,7 @@ impl Glow<'_> {
         let part = polynomial::part(self.extinction, from, width).map(|c| c * width);
         let mut sum = [0.0; 3];
         for (&x, weight) in self.rule.places.iter().zip(&self.rule.weights) {
-            let absorbed = (-polynomial::integral(&part, x)).exp();
+            let absorbed = self.rule.decay(polynomial::integral(&part, x));
             let emitted = weight * polynomial::value(&part, x) * absorbed;
             for (sum, colour) in sum.iter_mut().zip((self.colour)(from + x * width)) {
                 *sum += emitted * colour;

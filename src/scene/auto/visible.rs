@@ -5,7 +5,9 @@ use rayon::prelude::*;
 
 use crate::num;
 use crate::scene::grid::box_corners;
-use crate::scene::{Data, Grid, KernelSize, Points, Scene, TetScalars, Tets, TransferFunction};
+use crate::scene::{
+    Data, Grid, KernelSize, Points, Rescale, Samples, Scene, TetScalars, Tets, TransferFunction,
+};
 
 /// The least optical depth along the diagonal of the data's box that is visible.
 const LEAST: f64 = 0.1;
@@ -64,27 +66,31 @@ impl Shown {
     fn meets(&self, [low, high]: [f64; 2]) -> bool {
         self.0.iter().any(|[from, to]| *from <= high && *to >= low)
     }
+
+    /// Marks the cells that are visible: each lies between two columns of samples, of which these are the ranges. NaN makes a cell
+    /// vacuum.
+    fn mark(&self, columns: &[[f64; 2]], visible: &mut [bool]) {
+        visible.fill(false);
+        for [from, to] in &self.0 {
+            for (visible, pair) in visible.iter_mut().zip(columns.windows(2)) {
+                let ([low, high], [next_low, next_high]) = (pair[0], pair[1]);
+                let no_nan = !(low.is_nan() | next_low.is_nan());
+                *visible |=
+                    no_nan & ((low <= *to) | (next_low <= *to)) & ((high >= *from) | (next_high >= *from));
+            }
+        }
+    }
 }
 
 /// Finds the first and the last layer of cells along each axis of which more than noise is visible.
 fn of_grid(grid: &Grid, shown: &Shown) -> Option<[DVec3; 8]> {
+    let counts = match grid.samples() {
+        Samples::U8(samples) => count(grid, shown, samples),
+        Samples::U16(samples) => count(grid, shown, samples),
+        Samples::I16(samples) => count(grid, shown, samples),
+        Samples::F32(samples) => count(grid, shown, samples),
+    };
     let cells = grid.dims().map(|side| side - 1);
-    let none = || cells.map(|count| vec![0_u32; num::index(count)]);
-    let of_slab = |mut counts: [Vec<u32>; 3], k: u32| {
-        for j in 0..cells[1] {
-            let visible = count_row(grid, shown, [j, k], &mut counts[0]);
-            counts[1][num::index(j)] += visible;
-            counts[2][num::index(k)] += visible;
-        }
-        counts
-    };
-    let sum = |mut counts: [Vec<u32>; 3], others: [Vec<u32>; 3]| {
-        for (count, other) in counts.iter_mut().flatten().zip(others.iter().flatten()) {
-            *count += other;
-        }
-        counts
-    };
-    let counts = (0..cells[2]).into_par_iter().fold(none, of_slab).reduce(none, sum);
     let ends = |axis: usize| {
         let layer = f64::from(cells[(axis + 1) % 3]) * f64::from(cells[(axis + 2) % 3]);
         let visible = |count: &u32| f64::from(*count) > NOISE * layer;
@@ -97,27 +103,51 @@ fn of_grid(grid: &Grid, shown: &Shown) -> Option<[DVec3; 8]> {
     Some(box_corners(bounds).map(|corner| grid.world_of_index(corner)))
 }
 
-/// Counts the visible cells of a row along x for each place, and returns their number.
-fn count_row(grid: &Grid, shown: &Shown, [j, k]: [u32; 2], counts: &mut [u32]) -> u32 {
-    // Least and greatest of the samples at a place in the four rows of samples around; NaN makes a cell vacuum.
-    let column = |i: u32| {
-        let all = [(j, k), (j + 1, k), (j, k + 1), (j + 1, k + 1)].map(|(j, k)| grid.value(i, j, k));
-        let least = all.into_iter().fold(f64::INFINITY, f64::min);
-        let greatest = all.into_iter().fold(f64::NEG_INFINITY, f64::max);
-        if all.iter().any(|s| s.is_nan()) { [f64::NAN; 2] } else { [least, greatest] }
-    };
-    let mut last = column(0);
-    let mut visible = 0;
-    for (i, count) in (1..).zip(counts) {
-        let next = column(i);
-        let vacuum = last[0].is_nan() || next[0].is_nan();
-        if !vacuum && shown.meets([last[0].min(next[0]), last[1].max(next[1])]) {
-            *count += 1;
-            visible += 1;
+/// Counts the visible cells in each layer across x, y and z.
+fn count<T: Copy + PartialOrd + Into<f64> + Sync>(
+    grid: &Grid,
+    shown: &Shown,
+    samples: &[T],
+) -> [Vec<u32>; 3] {
+    let [width, height, depth] = grid.dims().map(num::index);
+    let none = || [width, height, depth].map(|side| vec![0_u32; side - 1]);
+    let row = |j: usize, k: usize| &samples[(k * height + j) * width..][..width];
+    let of_slab = |mut counts: [Vec<u32>; 3], k: usize| {
+        let (mut columns, mut visible) = (vec![[0.0; 2]; width], vec![false; width - 1]);
+        for j in 0..height - 1 {
+            let rows = [row(j, k), row(j + 1, k), row(j, k + 1), row(j + 1, k + 1)];
+            for (i, column) in columns.iter_mut().enumerate() {
+                *column = range(rows.map(|row| row[i]), grid.rescale());
+            }
+            shown.mark(&columns, &mut visible);
+            for (count, visible) in counts[0].iter_mut().zip(&visible) {
+                *count += u32::from(*visible);
+            }
+            let sum = visible.iter().map(|visible| u32::from(*visible)).sum::<u32>();
+            counts[1][j] += sum;
+            counts[2][k] += sum;
         }
-        last = next;
+        counts
+    };
+    let sum = |mut counts: [Vec<u32>; 3], others: [Vec<u32>; 3]| {
+        for (count, other) in counts.iter_mut().flatten().zip(others.iter().flatten()) {
+            *count += other;
+        }
+        counts
+    };
+    (0..depth - 1).into_par_iter().fold(none, of_slab).reduce(none, sum)
+}
+
+/// Returns the range of the scalars of four samples, or NaN if one is.
+fn range<T: Copy + PartialOrd + Into<f64>>(samples: [T; 4], rescale: Rescale) -> [f64; 2] {
+    let [mut low, mut high] = [samples[0]; 2];
+    for sample in &samples[1..] {
+        low = if *sample < low { *sample } else { low };
+        high = if *sample > high { *sample } else { high };
     }
-    visible
+    // A sample that is not equal to itself is NaN.
+    let any_nan = samples.iter().any(|sample| sample.partial_cmp(sample).is_none());
+    if any_nan { [f64::NAN; 2] } else { rescale.of_range([low.into(), high.into()]) }
 }
 
 /// Bounds that hold nothing.
@@ -156,7 +186,7 @@ fn of_points(points: &Points, shown: &Shown) -> Option<[DVec3; 8]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Field, Samples, Surface};
+    use crate::scene::{Field, Surface};
 
     fn extent(scene: &Scene) -> [DVec3; 2] {
         let corners = visible(scene);
