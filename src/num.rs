@@ -17,7 +17,7 @@ pub(crate) fn vec3_of(value: glam::DVec3) -> glam::Vec3 {
 }
 
 /// Converts an index or a length; exact below 2^53.
-pub(crate) fn f64_of(value: usize) -> f64 {
+pub(crate) const fn f64_of(value: usize) -> f64 {
     value as f64
 }
 

@@ -38,7 +38,7 @@ macro_rules! sources {
 
 /// Source code that determines the image: a changed reference invalidates the cache.
 const SOURCES: &[(&str, &[u8])] = sources! {
-    "reference/": "cells.rs", "cover.rs", "draw.rs", "grid.rs", "image.rs", "index_space.rs", "kernels.rs", "march.rs",
+    "reference/": "cells.rs", "cover.rs", "decay.rs", "draw.rs", "grid.rs", "image.rs", "index_space.rs", "kernels.rs", "march.rs",
         "mod.rs", "polynomial.rs", "surfaces.rs", "tets.rs", "tree.rs", "view_ray.rs", "walk.rs";
     "reference/kernels/": "density.rs", "hits.rs", "interpolate.rs", "lattice.rs", "scattered.rs", "values.rs";
     "scene/": "camera.rs", "clip.rs", "grid.rs", "kernel.rs", "mode.rs", "points.rs", "samples.rs", "tets.rs",

@@ -155,6 +155,10 @@ impl Outline {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         let mut add = |x: f64| (low, high) = (low.min(x), high.max(x));
         let band = [y - self.margin, y + self.margin];
+        let [a, b, c, d] = self.places.map(|place| place.y);
+        if a.max(b).max(c.max(d)) < band[0] || a.min(b).min(c.min(d)) > band[1] {
+            return [low, high];
+        }
         for (i, a) in self.places.iter().enumerate() {
             if (band[0]..=band[1]).contains(&a.y) {
                 add(a.x);

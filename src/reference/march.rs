@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use crate::num;
 use crate::scene::{Knot, TransferFunction};
 
+use super::decay::{Decay, FAINT, STRONG, WEAK};
 use super::polynomial::{self, Cubic, gauss_legendre};
 
 /// Optical depth at which a ray ends: the transmittance is below exp(-60) < 1e-26.
@@ -51,8 +51,7 @@ pub(super) struct Classes {
     rules: Rules,
 }
 
-/// The quadrature rules of panels, each with a Taylor series of the transmittance whose rest is below 2^-56 up to the
-/// panel's optical depth.
+/// The quadrature rules of panels, each with a series of the transmittance.
 #[derive(Debug)]
 struct Rules {
     few: Rule<8, 6>,
@@ -62,39 +61,32 @@ struct Rules {
 
 impl Rules {
     fn new() -> Self {
-        Self { few: Rule::new(0.0), more: Rule::new(0.0), most: Rule::new(0.5) }
+        Self { few: Rule::new(FAINT), more: Rule::new(WEAK), most: Rule::new(STRONG) }
     }
 }
 
-/// A quadrature rule, and the series of exp(-x) with as many `TERMS`.
+/// A quadrature rule.
 #[derive(Debug)]
 struct Rule<const N: usize, const TERMS: usize> {
     places: [f64; N],
     weights: [f64; N],
-    /// The place around which the series is taken, and its coefficients, constant first.
-    centre: f64,
-    series: [f64; TERMS],
+    decay: Decay<TERMS>,
 }
 
 impl<const N: usize, const TERMS: usize> Rule<N, TERMS> {
-    fn new(centre: f64) -> Self {
+    fn new(decay: Decay<TERMS>) -> Self {
         let nodes = gauss_legendre(N);
-        let mut series = [(-centre).exp(); TERMS];
-        for k in 1..TERMS {
-            series[k] = -series[k - 1] / num::f64_of(k);
-        }
         Self {
             places: std::array::from_fn(|i| nodes[i].x),
             weights: std::array::from_fn(|i| nodes[i].weight),
-            centre,
-            series,
+            decay,
         }
     }
 
     /// Integrates the emission of a panel, times the distance of its place from 1 and from 0. `extinction` is
     /// optical depth per unit of the parameter.
     fn moments(&self, extinction: &Cubic, place: &Cubic) -> [f64; 2] {
-        let decays = self.at_nodes(|x| self.decay(polynomial::integral(extinction, x)));
+        let decays = self.at_nodes(|x| self.decay.at(polynomial::integral(extinction, x)));
         let extinctions = self.at_nodes(|x| polynomial::value(extinction, x));
         let places = self.at_nodes(|x| polynomial::value(place, x));
         let mut moments = [0.0; 2];
@@ -104,13 +96,6 @@ impl<const N: usize, const TERMS: usize> Rule<N, TERMS> {
             moments[1] += emitted * places[i];
         }
         moments
-    }
-
-    /// Returns exp(-depth) for depths within the panel's.
-    #[inline]
-    fn decay(&self, depth: f64) -> f64 {
-        let x = depth - self.centre;
-        self.series.iter().rev().fold(0.0, |sum, c| sum * x + c)
     }
 
     /// Returns a function's values at the nodes.
@@ -440,7 +425,7 @@ impl Glow<'_> {
         let part = polynomial::part(self.extinction, from, width).map(|c| c * width);
         let mut sum = [0.0; 3];
         for (&x, weight) in self.rule.places.iter().zip(&self.rule.weights) {
-            let absorbed = self.rule.decay(polynomial::integral(&part, x));
+            let absorbed = self.rule.decay.at(polynomial::integral(&part, x));
             let emitted = weight * polynomial::value(&part, x) * absorbed;
             for (sum, colour) in sum.iter_mut().zip((self.colour)(from + x * width)) {
                 *sum += emitted * colour;

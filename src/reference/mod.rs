@@ -13,6 +13,7 @@
 
 mod cells;
 mod cover;
+mod decay;
 mod draw;
 mod grid;
 mod image;

@@ -2,6 +2,7 @@
 
 use crate::num;
 
+use super::super::decay::{STRONG, WEAK, WEAK_DEPTH};
 use super::super::march::March;
 use super::super::polynomial::gauss_legendre;
 use super::values::{Medium, Sums};
@@ -114,8 +115,14 @@ impl<'a> Density<'a> {
                     *depth += partial * at[0];
                 }
             }
-            for ((weight, at), depth) in rule.weights.iter().zip(&at).zip(depths) {
-                let seen = transmittance * weight * (-depth).exp();
+            let depths = &mut depths[..rule.nodes.len()];
+            if depth <= WEAK_DEPTH {
+                depths.iter_mut().for_each(|depth| *depth = WEAK.at(*depth));
+            } else {
+                depths.iter_mut().for_each(|depth| *depth = STRONG.at(*depth));
+            }
+            for ((weight, at), decay) in rule.weights.iter().zip(&at).zip(depths) {
+                let seen = transmittance * weight * *decay;
                 for (sum, emission) in self.march.colour.iter_mut().zip(&at[1..]) {
                     *sum += seen * emission;
                 }
