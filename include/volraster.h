@@ -195,6 +195,10 @@ typedef enum vr_data_kind {
      * Scattered points.
      */
     VR_DATA_POINTS = 3,
+    /**
+     * Trained Gaussian splats.
+     */
+    VR_DATA_GAUSSIANS = 4,
 } vr_data_kind;
 
 /**
@@ -1552,4 +1556,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 76e1b3488fe3d93e */
+/* Checksum of the sources: 285d5e8b597442c3 */

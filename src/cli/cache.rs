@@ -193,6 +193,14 @@ fn key(scene: &Scene, view: &View) -> Option<[u8; HASH]> {
             put(kind);
             put(sizes);
         }
+        Data::Gaussians(splats) => {
+            put(format!("gaussians {} {:?}", splats.degree(), splats.mode()).as_bytes());
+            put(bytemuck::cast_slice(splats.centres()));
+            put(bytemuck::cast_slice(splats.rotations()));
+            put(bytemuck::cast_slice(splats.log_scales()));
+            put(bytemuck::cast_slice(splats.opacities()));
+            put(bytemuck::cast_slice(splats.harmonics()));
+        }
         _ => return None,
     }
     Some(hash.finalize().into())

@@ -45,6 +45,8 @@ pub enum vr_data_kind {
     VR_DATA_MESH = 2,
     /// Scattered points.
     VR_DATA_POINTS = 3,
+    /// Trained Gaussian splats.
+    VR_DATA_GAUSSIANS = 4,
 }
 
 /// Properties of a scene, for placing a camera and making a transfer function.
@@ -228,6 +230,7 @@ pub unsafe extern "C" fn vr_scene_query(scene: *const vr_scene, info: *mut vr_sc
             Data::Grid(grid) => (vr_data_kind::VR_DATA_GRID, grid.dims()),
             Data::Mesh(_) => (vr_data_kind::VR_DATA_MESH, [0; 3]),
             Data::Points(_) => (vr_data_kind::VR_DATA_POINTS, [0; 3]),
+            Data::Gaussians(_) => (vr_data_kind::VR_DATA_GAUSSIANS, [0; 3]),
         };
         let value = vr_scene_info {
             struct_size: 0,

@@ -27,6 +27,9 @@ impl<'a> Rays<'a> {
     pub(super) fn new(scene: &'a Scene) -> Result<Self> {
         scene.check_mode()?;
         let kernels = match (&scene.data, scene.kernels) {
+            (Data::Gaussians(_), _) => {
+                return Err(Error::invalid("reference", "draws no gaussians"));
+            }
             (_, Some(kernels)) => kernels,
             (Data::Points(_), None) => Kernels::of_points(),
             (Data::Grid(grid), None) => {

@@ -18,7 +18,7 @@ mod values;
 
 use glam::DVec3;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::{Data, Kernel, Kernels, Model, Points, Scene};
 
 use super::march::Classes;
@@ -57,6 +57,7 @@ impl KernelRays {
             Data::Points(points) => {
                 (Source::Scattered(Scattered::new(points, kernels, &values)?), points.range())
             }
+            Data::Gaussians(_) => return Err(Error::invalid("reference", "draws no gaussians")),
         };
         Ok(Self {
             source,

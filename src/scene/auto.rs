@@ -29,6 +29,7 @@ pub const ISOSURFACE_COLOUR: DVec3 = DVec3::new(0.9, 0.84, 0.7);
 /// - Mesh: the background is a value that at least a tenth of the volume has, such as the free stream. It
 ///   becomes a haze that shows the shape of the mesh; values above it are warm, values below it cool.
 /// - Points: low scalars become a haze. Points without scalars have one colour.
+/// - Gaussian splats: one white knot, which is ignored.
 /// - Values of both signs, of which neither is a mere undershoot of the other: magnitudes count, with warm colours above zero and cool
 ///   ones below it ([`diverges`]). A grid with a background or a border of another value than zero, as in computed tomography, has one
 ///   foreground as above, and a mesh with a background diverges around that.
@@ -58,6 +59,7 @@ pub fn transfer_of(data: &Data, kernels: Option<&Kernels>) -> Result<TransferFun
         Data::Grid(grid) => grid::transfer(grid),
         Data::Mesh(mesh) => mesh::transfer(mesh),
         Data::Points(points) => points::transfer(points, kernels.unwrap_or(&Kernels::of_points())),
+        Data::Gaussians(_) => TransferFunction::new(vec![knot(0.0, 1.0, [1.0; 3])]),
     }
 }
 
@@ -87,6 +89,7 @@ pub fn fitted(
         Data::Points(points) => {
             points::dense_depth(points, kernels.unwrap_or(&Kernels::of_points()), transfer)
         }
+        Data::Gaussians(_) => return Ok(transfer.clone()),
     };
     transfer.thickened(depth / dense)
 }
@@ -98,6 +101,7 @@ fn values(data: &Data) -> Vec<f64> {
         Data::Grid(grid) => sorted(grid::all_samples(grid)),
         Data::Mesh(mesh) => mesh::drawn(mesh),
         Data::Points(points) => points::shown(points),
+        Data::Gaussians(_) => Vec::new(),
     }
 }
 
@@ -183,8 +187,11 @@ pub fn lit(data: &Data, kernels: Option<&Kernels>) -> Mode {
 ///
 /// # Errors
 ///
-/// [`Error::Invalid`] if no scalar of the data lies below `s` or none above it, or the colour is negative or not finite.
+/// [`Error::Invalid`] if no scalar of the data lies below `s` or none above it, the data has none, or the colour is negative or not finite.
 pub fn isosurface(data: &Data, s: f64, colour: DVec3) -> Result<TransferFunction> {
+    if let Data::Gaussians(_) = data {
+        return Err(Error::invalid("isosurface", "gaussians have no scalars"));
+    }
     let [least, greatest] = data.range();
     if !(s > least && s <= greatest) {
         let why = format!("{s}: the data has scalars from {least} to {greatest}, and no surface there");

@@ -1,12 +1,13 @@
 //! Scenes: data, transfer function, kernels, surfaces and camera, all without Vulkan.
 //!
-//! The data are grids, tetrahedral meshes or points. Every value is checked when it is made, so whoever holds
+//! The data are grids, tetrahedral meshes, points or trained Gaussian splats. Every value is checked when it is made, so whoever holds
 //! a [`Scene`] holds a valid one.
 //!
 //! This room uses only `error` and `num`. Readers make scenes; the reference, the device's copies and the
 //! techniques use them.
 
 pub mod auto;
+mod axes;
 mod camera;
 #[cfg(feature = "io")]
 mod cells;
@@ -16,7 +17,9 @@ mod colour_map;
 mod cut;
 mod data;
 pub(crate) mod field;
+mod gaussians;
 pub(crate) mod grid;
+pub mod harmonics;
 mod kernel;
 mod mode;
 mod opacity;
@@ -29,6 +32,7 @@ mod tets;
 pub(crate) mod topology;
 pub(crate) mod transfer;
 
+pub use axes::Axes;
 pub use camera::{Camera, Projection, View};
 #[cfg(feature = "io")]
 pub use cells::CellKind;
@@ -36,6 +40,7 @@ pub use clip::{Clip, ClipPlane};
 pub use colour_map::ColourMap;
 pub use data::Data;
 pub use field::Field;
+pub use gaussians::{Dropped, GaussianParts, Gaussians, TrainedMode};
 pub use grid::{Anatomy, Grid, Rescale};
 pub use kernel::{Kernel, Kernels, Model};
 pub use mode::{Lighting, Mode};
@@ -55,7 +60,8 @@ use crate::error::{Error, Result};
 pub struct Scene {
     /// The data.
     pub data: Data,
-    /// The transfer function, which maps a scalar to emission and extinction.
+    /// The transfer function, which maps a scalar to emission and extinction. Gaussian splats have colours of their own
+    /// and ignore it.
     pub transfer: TransferFunction,
     /// Kernels that reconstruct a field from the samples. `None` selects the default of the data: trilinear
     /// interpolation in a grid, linear interpolation in the cells of a mesh, [`Kernels::of_points`] for
@@ -68,7 +74,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Makes a scene of a grid, a mesh or points, without kernels and surfaces, that shows emission and absorption.
+    /// Makes a scene of data, without kernels and surfaces, that shows emission and absorption.
     #[must_use]
     pub fn new(data: impl Into<Data>, transfer: TransferFunction) -> Self {
         Self { data: data.into(), transfer, kernels: None, surfaces: Vec::new(), mode: Mode::Emission }
@@ -84,6 +90,12 @@ impl Scene {
     /// As [`Kernels::check`]; [`Error::Invalid`] for a kernel that this kind of data does not support.
     pub fn with_kernels(mut self, kernels: Kernels) -> Result<Self> {
         kernels.check()?;
+        if matches!(self.data, Data::Gaussians(_)) {
+            return Err(Error::invalid(
+                "kernels",
+                "the scene holds gaussians, which are kernels of their own",
+            ));
+        }
         let of_grids = matches!(kernels.kernel, Kernel::Tent | Kernel::Sinc);
         if of_grids && !matches!(self.data, Data::Grid(_)) {
             let why =
@@ -135,6 +147,12 @@ impl Scene {
     #[must_use]
     pub fn mesh(&self) -> Option<&Tets> {
         if let Data::Mesh(mesh) = &self.data { Some(mesh) } else { None }
+    }
+
+    /// Returns the Gaussian splats if the data is such.
+    #[must_use]
+    pub fn gaussians(&self) -> Option<&Gaussians> {
+        if let Data::Gaussians(gaussians) = &self.data { Some(gaussians) } else { None }
     }
 
     /// Returns the points if the data is points.

@@ -228,6 +228,7 @@ impl Method {
     pub fn default_for(scene: &Scene) -> Option<Self> {
         // A technique that draws the kernels of the scene comes first.
         let first = match (&scene.data, &scene.kernels) {
+            (Data::Gaussians(_), _) => return Self::ALL.into_iter().find(|method| method.draws_scene(scene)),
             (Data::Points(_), _) | (_, Some(_)) => Self::SplatEwa,
             (Data::Mesh(_), None) => Self::Havs,
             // A slab knows where in it an isosurface lies.

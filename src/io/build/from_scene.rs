@@ -6,11 +6,12 @@ use crate::io::build::dataset::Dataset;
 use crate::io::file::decode::Tuples;
 use crate::io::file::sample_type::SampleType;
 use crate::num;
-use crate::scene::{Data, KernelSize, Points, Samples, TetScalars, Tets};
+use crate::scene::{Data, Gaussians, KernelSize, Points, Samples, TetScalars, Tets};
 
 impl DataFile {
     /// Makes a file of scene data, whose scalars get a name. The weights and sizes of points become arrays `weight`,
-    /// and `radius` or `covariance`.
+    /// and `radius` or `covariance`. Gaussian splats become points with arrays `opacity`, `scale`, `rotation` (w, x, y, z) and
+    /// `harmonics`.
     #[must_use]
     pub fn of(data: &Data, name: &str) -> Self {
         let name = if name.is_empty() { "scalar" } else { name };
@@ -21,6 +22,7 @@ impl DataFile {
             }
             Data::Mesh(mesh) => of_mesh(mesh, name),
             Data::Points(points) => of_points(points, name),
+            Data::Gaussians(splats) => of_gaussians(splats),
         }
     }
 }
@@ -100,4 +102,21 @@ fn of_points(points: &Points, name: &str) -> DataFile {
         }
     }
     DataFile { shape: Shape::Cells(Dataset::of_points(points.centres().to_vec())), arrays }
+}
+
+fn of_gaussians(splats: &Gaussians) -> DataFile {
+    let many = |name: &str, components: usize, numbers: &mut dyn Iterator<Item = f32>| {
+        array(name, Association::Point, (SampleType::F32, components), numbers.map(f32::to_le_bytes))
+    };
+    let coefficients = splats.harmonics().len() / splats.len();
+    let mut opacity = floats("opacity", Association::Point, splats.opacities());
+    opacity.info.active = true;
+    let arrays = vec![
+        opacity,
+        many("scale", 3, &mut splats.log_scales().as_flattened().iter().map(|log| log.exp())),
+        many("rotation", 4, &mut splats.rotations().as_flattened().iter().copied()),
+        many("harmonics", coefficients, &mut splats.harmonics().iter().copied()),
+    ];
+    let centres = (0..splats.len()).map(|i| splats.centre(i)).collect();
+    DataFile { shape: Shape::Cells(Dataset::of_points(centres)), arrays }
 }

@@ -116,11 +116,7 @@ impl Origin<'_, '_> {
 
     /// Wraps data with a report on its arrays and the one that it shows.
     pub(crate) fn loaded(self, data: Data, shown: Option<Choice>, notes: Vec<String>) -> Loaded {
-        let range = match &data {
-            Data::Grid(grid) => grid.range(),
-            Data::Mesh(mesh) => mesh.range(),
-            Data::Points(points) => points.range(),
-        };
+        let range = data.range();
         let mut loaded = Loaded::new(self.format, data);
         let report = &mut loaded.report;
         if let Some(Choice { index, pick }) = shown {

@@ -56,6 +56,7 @@ pub(crate) fn read(key: &str, file: &Path, options: &ReadOptions) -> Result<Load
         Data::Grid(_) => ("volume", "holds a grid: a scene names it in `volume`"),
         Data::Mesh(_) => ("mesh", "holds a mesh: a scene names it in `mesh`"),
         Data::Points(_) => ("points", "holds points: a scene names them in `points`"),
+        Data::Gaussians(_) => ("gaussians", "holds gaussians: a scene names them in `gaussians`"),
     };
     if own == key { Ok(loaded) } else { Err(Error::file(file, "content", rule)) }
 }

@@ -58,6 +58,10 @@ impl SplatSet {
             Data::Grid(grid) => Self::of_grid(gpu, grid, transfer, kernels, thickness)?,
             Data::Mesh(mesh) => Self::of_points(gpu, &Points::of_vertices(mesh)?, transfer, kernels)?,
             Data::Points(points) => Self::of_points(gpu, points, transfer, kernels)?,
+            Data::Gaussians(_) => {
+                let why = "draws grids, meshes and points: the scene holds gaussians";
+                return Err(Error::invalid("technique", why));
+            }
         };
         Ok(Arc::new(set))
     }

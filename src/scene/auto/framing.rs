@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::scene::auto::visible;
-use crate::scene::{Anatomy, Camera, Grid, Projection, Scene, View};
+use crate::scene::{Anatomy, Camera, Gaussians, Grid, Projection, Scene, View};
 
 /// Vertical angle of view, in degrees.
 const FOV_Y_DEG: f64 = 30.0;
@@ -14,7 +14,7 @@ const FILL: f64 = 0.98;
 /// A side of the data that a camera sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Side {
-    /// Anterior of a patient, else -y.
+    /// Anterior of a patient, else -y. Of Gaussian splats that which a viewer sees who looks to the front.
     Front,
     /// Posterior, else +y.
     Back,
@@ -69,6 +69,7 @@ impl Side {
 ///
 /// Where a grid's [`Anatomy`] is known, up is superior and the front is anterior; the eye is rotated towards
 /// the patient's left. Otherwise up is +z and the front is -y, because most scanners stack slices along z.
+/// Gaussian splats are seen as their [`Axes`](crate::scene::Axes) say: up is up, and the viewer looks towards the front.
 ///
 /// # Errors
 ///
@@ -91,17 +92,18 @@ pub fn camera_of(scene: &Scene, side: Side, width: u32, height: u32) -> Result<C
         return Err(Error::invalid("view", why));
     }
     // World directions to the viewer and to the viewer's right.
-    let (front, right) = match anatomy {
-        Anatomy::Unknown => (DVec3::NEG_Y, DVec3::X),
-        Anatomy::Ras => (DVec3::Y, DVec3::NEG_X),
-        Anatomy::Lps => (DVec3::NEG_Y, DVec3::X),
-        Anatomy::Las => (DVec3::Y, DVec3::X),
+    let axes = scene.gaussians().map(Gaussians::axes);
+    let (front, right, above) = match (axes, anatomy) {
+        (Some(axes), _) => (axes.back(), axes.right(), axes.up()),
+        (None, Anatomy::Unknown | Anatomy::Lps) => (DVec3::NEG_Y, DVec3::X, DVec3::Z),
+        (None, Anatomy::Ras) => (DVec3::Y, DVec3::NEG_X, DVec3::Z),
+        (None, Anatomy::Las) => (DVec3::Y, DVec3::X, DVec3::Z),
     };
     let (turn, rise) = (azimuth.to_radians(), elevation.to_radians());
     let across = front * turn.cos() + right * turn.sin();
-    let towards = across * rise.cos() + DVec3::Z * rise.sin();
+    let towards = across * rise.cos() + above * rise.sin();
     // From above and below, the side that the eye came from stays below and above.
-    let up = if elevation.abs() > 89.9 { across * -elevation.signum() } else { DVec3::Z };
+    let up = if elevation.abs() > 89.9 { across * -elevation.signum() } else { above };
 
     // Move the eye back until every corner of the box lies inside the image.
     let corners = visible(scene);
@@ -130,7 +132,8 @@ pub fn camera_of(scene: &Scene, side: Side, width: u32, height: u32) -> Result<C
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Data, Field, Samples, TransferFunction};
+    use crate::num;
+    use crate::scene::{Axes, Data, Field, GaussianParts, Samples, TransferFunction};
 
     /// Shows all of the data.
     fn shown(data: impl Into<Data>) -> Scene {
@@ -194,6 +197,98 @@ mod tests {
         let iso = camera_of(&grid(Anatomy::Unknown), Side::Iso, 64, 64).unwrap();
         assert!((iso.eye - iso.target).normalize().distance(DVec3::new(1.0, -1.0, 1.0).normalize()) < 1e-12);
         assert!(camera_of(&grid(Anatomy::Unknown), Side::From(0.0, 91.0), 64, 64).is_err());
+    }
+
+    /// A dense ball of radius 1 around `centre`, given to the right, up and back, in these axes, with splats far away.
+    fn ball(axes: Axes, centre: DVec3, floaters: usize) -> Gaussians {
+        let place = |i: usize| {
+            let i = num::f64_of(i);
+            let [z, angle] = [(i * 0.37).fract() * 2.0 - 1.0, i * 2.4];
+            DVec3::new(angle.cos(), angle.sin(), 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z
+        };
+        let far = (0..floaters).map(|i| DVec3::new(1.0, -2.0, 0.5) * 1e4 * num::f64_of(i + 1));
+        let centres: Vec<[f32; 3]> = (0..1000)
+            .map(|i| centre + place(i))
+            .chain(far)
+            .map(|place| (Axes::Rub.rotation_to(axes) * place).to_array().map(num::f32_of))
+            .collect();
+        let count = centres.len();
+        let parts = GaussianParts {
+            centres,
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; count],
+            log_scales: vec![[-5.0; 3]; count],
+            opacities: vec![0.9; count],
+            harmonics: vec![0.0; 3 * count],
+            axes,
+            ..GaussianParts::default()
+        };
+        Gaussians::new(parts).unwrap().0
+    }
+
+    #[test]
+    fn splats_are_seen_as_their_axes_say_and_never_mirrored() {
+        let centre = DVec3::new(5.0, 6.0, 7.0);
+        for axes in Axes::ALL {
+            let turn = Axes::Rub.rotation_to(axes);
+            for (side, eye, up) in [
+                (Side::Front, DVec3::Z, DVec3::Y),
+                (Side::Left, DVec3::NEG_X, DVec3::Y),
+                (Side::Top, DVec3::Y, DVec3::NEG_Z),
+                (Side::CHOSEN, DVec3::new(0.54, 0.34, 0.77), DVec3::new(-0.2, 0.94, -0.28)),
+            ] {
+                let camera = camera_of(&shown(ball(axes, centre, 0)), side, 64, 64).unwrap();
+                let view = View::new(camera, 64, 64).unwrap();
+                assert!((turn.transpose() * -view.forward()).distance(eye) < 0.01, "{axes:?} {side:?}");
+                assert!((turn.transpose() * view.up()).distance(up) < 0.01, "{axes:?} {side:?}");
+                // What is to the right of the centre is to the right in the image of the front.
+                let right = view.project(turn * (centre + DVec3::X)).unwrap().0.x;
+                assert!(side != Side::Front || right > 40.0, "{axes:?}: {right}");
+                assert!((turn.transpose() * camera.target).distance(centre) < 0.1, "{}", camera.target);
+            }
+        }
+    }
+
+    #[test]
+    fn a_few_splats_far_away_do_not_shrink_the_others() {
+        let size = |splats: Gaussians| {
+            let corners = visible(&shown(splats));
+            corners[7] - corners[0]
+        };
+        let alone = size(ball(Axes::Rub, DVec3::ZERO, 0));
+        assert!((alone - 2.0).abs().max_element() < 0.1, "{alone}");
+        assert_eq!(size(ball(Axes::Rub, DVec3::ZERO, 5)), alone);
+        // Those that nobody sees, and a giant one.
+        let [mut faint, mut giant] = [0, 1].map(|_| ball(Axes::Rub, DVec3::ZERO, 0));
+        let parts = |splats: &Gaussians| GaussianParts {
+            centres: splats.centres().to_vec(),
+            rotations: splats.rotations().to_vec(),
+            log_scales: splats.log_scales().to_vec(),
+            opacities: splats.opacities().to_vec(),
+            harmonics: splats.harmonics().to_vec(),
+            ..GaussianParts::default()
+        };
+        let mut some = parts(&faint);
+        some.centres[..100].fill([1e3; 3]);
+        some.opacities[..100].fill(0.01);
+        faint = Gaussians::new(some).unwrap().0;
+        assert!((size(faint) - alone).abs().max_element() < 0.1);
+        let mut some = parts(&giant);
+        some.log_scales[0] = [10.0; 3];
+        giant = Gaussians::new(some).unwrap().0;
+        assert!(size(giant).max_element() < 1.6 * alone.max_element());
+        // One splat, and one without extent.
+        let one = |log: f32| GaussianParts {
+            centres: vec![[1.0, 2.0, 3.0]],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]],
+            log_scales: vec![[log; 3]],
+            opacities: vec![0.9],
+            harmonics: vec![0.0; 3],
+            ..GaussianParts::default()
+        };
+        let one_of = |log| Gaussians::new(one(log)).unwrap().0;
+        let reach = (2.0 * (0.9_f64 / 0.05).ln()).sqrt();
+        assert!((size(one_of(0.0)) - 2.0 * reach).abs().max_element() < 1e-5);
+        assert_eq!(size(one_of(f32::NEG_INFINITY)), DVec3::splat(2.0));
     }
 
     #[test]

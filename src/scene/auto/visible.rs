@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::num;
 use crate::scene::grid::box_corners;
 use crate::scene::{
-    Data, Grid, KernelSize, Points, Rescale, Samples, Scene, TetScalars, Tets, TransferFunction,
+    Data, Gaussians, Grid, KernelSize, Points, Rescale, Samples, Scene, TetScalars, Tets, TransferFunction,
 };
 
 /// The least optical depth along the diagonal of the data's box that is visible.
@@ -19,15 +19,22 @@ const NOISE: f64 = 2e-5;
 ///
 /// Visible is what has an optical depth of 0.1 along the diagonal of the data. Single cells of a grid's layers count as noise. Where nothing is visible, or triangle
 /// meshes stand beside the data, it is the box of the data.
+///
+/// Of Gaussian splats the box is that of [`Gaussians`] near most others: those with a centre outside the middle 96 % of opacity along an axis, by
+/// more than a quarter of the longest side of that middle, are left out. A splat counts as far as it has an opacity of 0.05.
 #[must_use]
 pub fn visible(scene: &Scene) -> [DVec3; 8] {
     let all = scene.data.corners();
+    if let Data::Gaussians(gaussians) = &scene.data {
+        return of_gaussians(gaussians).unwrap_or(all);
+    }
     let shown = Shown::of(&scene.transfer, LEAST / all[0].distance(all[7]));
     let found = match &scene.data {
         _ if !scene.surfaces.is_empty() => None,
         Data::Grid(grid) => of_grid(grid, &shown),
         Data::Mesh(mesh) => of_mesh(mesh, &shown),
         Data::Points(points) => of_points(points, &shown),
+        Data::Gaussians(_) => None,
     };
     found.unwrap_or(all)
 }
@@ -181,6 +188,58 @@ fn of_points(points: &Points, shown: &Shown) -> Option<[DVec3; 8]> {
     let [low, high] = points.reach_of(|i| shown.meets([f64::from(scalars[i]); 2]))?;
     // A single point without extent is no box.
     (low != high).then(|| box_corners([low, high]))
+}
+
+/// Opacity down to which a splat counts as visible.
+const LEAST_OPACITY: f64 = 0.05;
+/// Share of opacity that lies beyond either end of the middle.
+const TAIL: f64 = 0.02;
+/// Distance from the middle up to which splats count, in its longest sides.
+const MARGIN: f64 = 0.25;
+
+/// Finds the box of the splats that are visible and not far from most others.
+fn of_gaussians(splats: &Gaussians) -> Option<[DVec3; 8]> {
+    let opacity = |i: usize| f64::from(splats.opacities()[i]);
+    let shown: Vec<usize> = (0..splats.len()).filter(|&i| opacity(i) > LEAST_OPACITY).collect();
+    let total: f64 = shown.iter().map(|&i| opacity(i)).sum();
+    let middle = |axis: usize| {
+        let mut places: Vec<(f64, f64)> =
+            shown.iter().map(|&i| (f64::from(splats.centres()[i][axis]), opacity(i))).collect();
+        places.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        Some([quantile_of(places.iter(), TAIL * total)?, quantile_of(places.iter().rev(), TAIL * total)?])
+    };
+    let [x, y, z]: [[f64; 2]; 3] = [middle(0)?, middle(1)?, middle(2)?];
+    let [low, high] = [0, 1].map(|end| DVec3::new(x[end], y[end], z[end]));
+    let margin = MARGIN * (high - low).max_element();
+    let [low, high] = [low - margin, high + margin];
+    let near = shown.into_par_iter().filter(|&i| {
+        let centre = splats.centre(i);
+        centre.cmpge(low).all() && centre.cmple(high).all()
+    });
+    let boxes = near.map(|i| {
+        // At D deviations the opacity has fallen to the least one that counts.
+        let reach = splats.deviations(i) * (2.0 * (opacity(i) / LEAST_OPACITY).ln()).sqrt();
+        [splats.centre(i) - reach, splats.centre(i) + reach]
+    });
+    let [least, greatest] = boxes.reduce(|| NONE, joined);
+    // A giant splat must not do what a far one may not.
+    let [low, high] = if margin > 0.0 { [least.max(low), greatest.min(high)] } else { [least, greatest] };
+    // A single place without extent is no box.
+    let least = if low == high { low.abs().max_element().max(1e6) * 1e-6 } else { 0.0 };
+    let [low, high] = [low - least, high + least];
+    (low.is_finite() && high.is_finite()).then(|| box_corners([low, high]))
+}
+
+/// Returns the place at which the sum of the weights exceeds a limit.
+fn quantile_of<'a>(places: impl Iterator<Item = &'a (f64, f64)>, limit: f64) -> Option<f64> {
+    let mut sum = 0.0;
+    for (place, weight) in places {
+        sum += weight;
+        if sum > limit {
+            return Some(*place);
+        }
+    }
+    None
 }
 
 #[cfg(test)]

@@ -67,6 +67,7 @@ impl Of {
         let kernels = match (&scene.data, scene.kernels) {
             (Data::Grid(_), None) => return self == Self::Grids,
             (Data::Mesh(_), None) => return self == Self::Meshes,
+            (Data::Gaussians(_), _) => return false,
             (Data::Points(_), None) => Kernels::of_points(),
             (_, Some(kernels)) => kernels,
         };

@@ -87,7 +87,7 @@ impl KernelOptions {
         let usual = match scene.data {
             Data::Points(_) => Kernels::of_points(),
             Data::Mesh(_) => Kernels { kernel: Kernel::Gaussian, ..usual },
-            Data::Grid(_) => usual,
+            Data::Grid(_) | Data::Gaussians(_) => usual,
         };
         let kernels = self.over(scene.kernels.unwrap_or(usual));
         kernels.check()?;

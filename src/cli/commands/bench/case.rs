@@ -161,12 +161,13 @@ impl Case {
     }
 }
 
-/// Returns the number of voxels, tetrahedra or points.
+/// Returns the number of voxels, tetrahedra, points or splats.
 pub(super) fn elements(data: &Data) -> u64 {
     match data {
         Data::Grid(grid) => grid.dims().into_iter().map(u64::from).product(),
         Data::Mesh(mesh) => mesh.cells().len() as u64,
         Data::Points(points) => points.centres().len() as u64,
+        Data::Gaussians(splats) => splats.len() as u64,
         _ => 0,
     }
 }

@@ -181,6 +181,7 @@ fn described(data: &Data) -> String {
             format!("mesh of {} tetrahedra, {} points", mesh.cells().len(), mesh.points().len())
         }
         Data::Points(points) => format!("{} points", points.centres().len()),
+        Data::Gaussians(splats) => format!("{} Gaussian splats, degree {}", splats.len(), splats.degree()),
         other => other.kind().to_string(),
     }
 }
