@@ -38,10 +38,10 @@ macro_rules! sources {
 
 /// Source code that determines the image: a changed reference invalidates the cache.
 const SOURCES: &[(&str, &[u8])] = sources! {
-    "reference/": "cells.rs", "cover.rs", "decay.rs", "draw.rs", "grid.rs", "image.rs", "index_space.rs", "kernels.rs", "march.rs",
+    "reference/": "cells.rs", "cover.rs", "decay.rs", "draw.rs", "gaussians.rs", "grid.rs", "image.rs", "index_space.rs", "kernels.rs", "march.rs",
         "mod.rs", "polynomial.rs", "surfaces.rs", "tets.rs", "tree.rs", "view_ray.rs", "walk.rs";
     "reference/kernels/": "density.rs", "hits.rs", "interpolate.rs", "lattice.rs", "scattered.rs", "values.rs";
-    "scene/": "camera.rs", "clip.rs", "grid.rs", "kernel.rs", "mode.rs", "points.rs", "samples.rs", "tets.rs",
+    "scene/": "camera.rs", "clip.rs", "gaussians.rs", "grid.rs", "harmonics.rs", "kernel.rs", "mode.rs", "points.rs", "samples.rs", "tets.rs",
         "transfer.rs";
 };
 
@@ -194,7 +194,7 @@ fn key(scene: &Scene, view: &View) -> Option<[u8; HASH]> {
             put(sizes);
         }
         Data::Gaussians(splats) => {
-            put(format!("gaussians {} {:?}", splats.degree(), splats.mode()).as_bytes());
+            put(format!("gaussians {} {:?}", splats.degree(), scene.splat_rule()).as_bytes());
             put(bytemuck::cast_slice(splats.centres()));
             put(bytemuck::cast_slice(splats.rotations()));
             put(bytemuck::cast_slice(splats.log_scales()));

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::cover::{self, Progress, samples_of};
+use super::gaussians::GaussianRays;
 use super::grid::GridRays;
 use super::image::ReferenceImage;
 use super::kernels::KernelRays;
@@ -27,11 +28,8 @@ impl<'a> Rays<'a> {
     pub(super) fn new(scene: &'a Scene) -> Result<Self> {
         scene.check_mode()?;
         let kernels = match (&scene.data, scene.kernels) {
-            (Data::Gaussians(_), _) => {
-                return Err(Error::invalid("reference", "draws no gaussians"));
-            }
             (_, Some(kernels)) => kernels,
-            (Data::Points(_), None) => Kernels::of_points(),
+            (Data::Points(_) | Data::Gaussians(_), None) => Kernels::of_points(),
             (Data::Grid(grid), None) => {
                 return Ok(Self::Grid(Box::new(GridRays::new(grid, &scene.transfer, scene.mode))));
             }
@@ -109,8 +107,12 @@ pub fn render(
     }
     let [width, height] = view.extent();
     let mut pixels = filled("reference image", [width, height], [0.0; 4])?;
-    let rays = Rays::new(scene)?;
     let view_rays = ViewRays::new(scene, view);
+    if let Some(rays) = GaussianRays::of(scene)? {
+        rays.render(&view_rays, view, samples, &mut pixels, progress)?;
+        return ReferenceImage::new(width, height, pixels);
+    }
+    let rays = Rays::new(scene)?;
     if let Rays::Mesh(rays) = &rays {
         cover::render(rays, &view_rays, view, samples, &mut pixels, progress);
         return ReferenceImage::new(width, height, pixels);
@@ -168,8 +170,11 @@ pub fn pixels(scene: &Scene, view: &View, pixels: &[[u32; 2]]) -> Result<Vec<[f6
         let why = format!("({x}, {y}): must lie inside {width} x {height}");
         return Err(Error::invalid("reference pixel", why));
     }
-    let rays = Rays::new(scene)?;
     let view_rays = ViewRays::new(scene, view);
+    if let Some(rays) = GaussianRays::of(scene)? {
+        return rays.some(&view_rays, view, pixels);
+    }
+    let rays = Rays::new(scene)?;
     if let Rays::Mesh(rays) = &rays {
         return Ok(cover::some(rays, &view_rays, view, pixels));
     }
@@ -218,7 +223,11 @@ pub fn depth(scene: &Scene, view: &View) -> Result<Vec<f64>> {
 pub fn ray(scene: &Scene, origin: DVec3, direction: DVec3, t_range: [f64; 2]) -> Result<[f64; 4]> {
     let direction = checked(origin, direction, t_range)?;
     let surfaces = SurfaceRays::with_leaves(&scene.surfaces, |_| true, usize::MAX);
-    Ok(Rays::new(scene)?.draw(&ViewRay::new(surfaces.as_ref(), origin, direction, t_range, t_range)))
+    let ray = ViewRay::new(surfaces.as_ref(), origin, direction, t_range, t_range);
+    match GaussianRays::of(scene)? {
+        Some(rays) => rays.trace(&ray),
+        None => Ok(Rays::new(scene)?.draw(&ray)),
+    }
 }
 
 /// Returns the pieces of one ray inside the tetrahedra of a scene's mesh, front to back.

@@ -23,10 +23,26 @@ use crate::scene::{Data, Kernel, Kernels, Model, Points, Scene};
 
 use super::march::Classes;
 use density::{Density, Rule};
+pub(super) use hits::Hit;
 use interpolate::Interpolate;
 use lattice::Lattice;
 use scattered::Scattered;
 use values::{Medium, Values};
+
+/// Integrates Gaussians on a ray whose extinctions add up.
+pub(super) struct Overlapping(Vec<Rule>);
+
+impl Overlapping {
+    pub(super) fn new() -> Self {
+        Self(Rule::all())
+    }
+
+    pub(super) fn trace(&self, hits: &[Hit], range: [f64; 2]) -> [f64; 4] {
+        let mut medium = Density::new(&self.0, [f64::INFINITY; 3]);
+        hits::sweep(hits, hits::Shape::Gaussian, range, &mut medium);
+        medium.pixel()
+    }
+}
 
 /// A scene of kernels, prepared for rays.
 pub(super) struct KernelRays {
@@ -57,7 +73,9 @@ impl KernelRays {
             Data::Points(points) => {
                 (Source::Scattered(Scattered::new(points, kernels, &values)?), points.range())
             }
-            Data::Gaussians(_) => return Err(Error::invalid("reference", "draws no gaussians")),
+            Data::Gaussians(_) => {
+                return Err(Error::invalid("kernels", "trained splats are kernels themselves"));
+            }
         };
         Ok(Self {
             source,

@@ -15,6 +15,7 @@ mod cells;
 mod cover;
 mod decay;
 mod draw;
+mod gaussians;
 mod grid;
 mod image;
 mod index_space;

@@ -1,6 +1,7 @@
 //! The reference against closed forms, against independent integrators, and against itself under changes
 //! without effect.
 
+mod gaussians;
 mod grid;
 mod images;
 mod invariance;

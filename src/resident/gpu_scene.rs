@@ -147,8 +147,9 @@ impl GpuScene {
     ///
     /// As [`Scene::with_kernels`] and [`Scene::with_mode`].
     pub fn with_data(&self, data: impl Into<Data>) -> Result<Arc<Self>> {
-        let Scene { data: own, transfer, kernels, surfaces, mode } = &self.scene;
+        let Scene { data: own, transfer, kernels, surfaces, mode, rule } = &self.scene;
         let mut scene = Scene::new(data, transfer.clone()).with_mode(*mode)?.with_surfaces(surfaces.clone());
+        scene.rule = *rule;
         if let Some(kernels) = kernels {
             scene = scene.with_kernels(*kernels)?;
         }

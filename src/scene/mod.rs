@@ -26,6 +26,7 @@ mod opacity;
 mod points;
 pub(crate) mod predicates;
 pub mod presets;
+mod rule;
 mod samples;
 mod surface;
 mod tets;
@@ -46,6 +47,7 @@ pub use kernel::{Kernel, Kernels, Model};
 pub use mode::{Lighting, Mode};
 pub use opacity::Opacity;
 pub use points::{KernelSize, Points};
+pub use rule::SplatRule;
 pub use samples::Samples;
 pub use surface::{Shading, Surface};
 #[cfg(any(test, feature = "io"))]
@@ -71,13 +73,22 @@ pub struct Scene {
     pub surfaces: Vec<Surface>,
     /// What the ray of a pixel shows.
     pub mode: Mode,
+    /// The rule by which trained splats are drawn. `None` selects the one that they were trained under.
+    pub rule: Option<SplatRule>,
 }
 
 impl Scene {
     /// Makes a scene of data, without kernels and surfaces, that shows emission and absorption.
     #[must_use]
     pub fn new(data: impl Into<Data>, transfer: TransferFunction) -> Self {
-        Self { data: data.into(), transfer, kernels: None, surfaces: Vec::new(), mode: Mode::Emission }
+        Self {
+            data: data.into(),
+            transfer,
+            kernels: None,
+            surfaces: Vec::new(),
+            mode: Mode::Emission,
+            rule: None,
+        }
     }
 
     /// Returns the scene with its field reconstructed by kernels: at the samples of a grid, the points of a
@@ -121,6 +132,19 @@ impl Scene {
     pub fn with_mode(self, mode: Mode) -> Result<Self> {
         let scene = Self { mode, ..self };
         scene.check_mode().map(|()| scene)
+    }
+
+    /// Returns the scene with another rule for trained splats; other data have none.
+    #[must_use]
+    pub fn with_rule(self, rule: SplatRule) -> Self {
+        Self { rule: Some(rule), ..self }
+    }
+
+    /// Returns the rule by which trained splats are drawn, if the data are such.
+    #[must_use]
+    pub fn splat_rule(&self) -> Option<SplatRule> {
+        let Data::Gaussians(splats) = &self.data else { return None };
+        Some(self.rule.unwrap_or_else(|| SplatRule::of(splats.mode())))
     }
 
     /// Checks the mode, as [`Self::with_mode`] does.

@@ -33,7 +33,7 @@ impl Shape {
 
 /// A kernel on a ray.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Hit {
+pub(in crate::reference) struct Hit {
     /// Parameter of the point nearest to the centre, and the squared distance there.
     middle: f64,
     nearest: f64,
@@ -47,7 +47,13 @@ pub(super) struct Hit {
 impl Hit {
     /// Makes a hit if the ray comes nearer than `support`. `speed` is the distance along the ray per unit of
     /// the parameter.
-    pub(super) fn new(middle: f64, nearest: f64, speed: f64, support: f64, value: Sums) -> Option<Self> {
+    pub(in crate::reference) fn new(
+        middle: f64,
+        nearest: f64,
+        speed: f64,
+        support: f64,
+        value: Sums,
+    ) -> Option<Self> {
         let square = support * support - nearest;
         let hit = Self { middle, nearest, speed, half: square.sqrt() / speed, value };
         (square > 0.0 && hit.half > 0.0 && hit.half.is_finite()).then_some(hit)
