@@ -5,6 +5,7 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
+use crate::scene::{Axes, StoredAxes};
 
 /// A callback that receives the progress of reading: bytes read so far and in total, of the file as stored. A
 /// two-pass read reports each pass.
@@ -47,6 +48,10 @@ pub struct ReadOptions {
     pub covariance: Option<String>,
     /// For points: the array of weights.
     pub weight: Option<String>,
+    /// For Gaussian splats: the axes that the file's data are in, whatever it says.
+    pub axes: Option<StoredAxes>,
+    /// For Gaussian splats: the axes to turn them to; the default is none.
+    pub turn_to: Option<Axes>,
     /// The step to read of a time series, counted from 0; the default is the first. Other files have no steps.
     pub step: Option<u32>,
     /// The callback for progress.
@@ -63,9 +68,22 @@ impl ReadOptions {
             radius: None,
             covariance: None,
             weight: None,
+            axes: None,
+            turn_to: None,
             step: None,
             progress: None,
         }
+    }
+
+    /// Returns the first option that selects arrays, by its name.
+    pub(crate) fn selected(&self) -> Option<(&'static str, &str)> {
+        let all = [
+            ("array", &self.array),
+            ("radius", &self.radius),
+            ("covariance", &self.covariance),
+            ("weight", &self.weight),
+        ];
+        all.into_iter().find_map(|(name, array)| Some((name, array.as_deref()?)))
     }
 
     /// Refuses kernel sizes and weights for data without kernels.

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::io::build::origin::{is_near, too_far};
 use crate::io::file::source::Source;
 use crate::io::formats::{
-    csv, dicom, gmsh, metaimage, nifti, npy, nrrd, ply, raw, refused, tiff, vtk_legacy, vtk_xml,
+    csv, dicom, gaussian, gmsh, metaimage, nifti, npy, nrrd, ply, raw, refused, tiff, vtk_legacy, vtk_xml,
 };
 use crate::io::options::{ReadOptions, Request};
 use crate::io::reader::Reader;
@@ -24,9 +24,11 @@ static READERS: &[&dyn Reader] = &[
     &vtk_xml::VtkXml,
     &vtk_legacy::VtkLegacy,
     &gmsh::Gmsh,
+    &gaussian::spz::Spz,
     &ply::Ply,
     &csv::Csv,
     &tiff::Tiff,
+    &gaussian::splat::Splat,
     &raw::Raw,
 ];
 
@@ -81,6 +83,16 @@ pub(crate) fn checked(path: &Path, mut loaded: Found, options: &ReadOptions) -> 
                 grid.infinite_count()
             ));
         }
+    }
+    if let Content::Scene(data) = &loaded.data
+        && !matches!(data, Data::Gaussians(_))
+        && (options.axes.is_some() || options.turn_to.is_some())
+    {
+        return Err(Error::file(
+            path,
+            "axes",
+            format!("only gaussians are turned, this is a {}", data.kind()),
+        ));
     }
     if let (Some(array), Content::Scene(_)) = (&options.array, &loaded.data)
         && loaded.report.arrays.is_empty()

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::io::build::arrays::ArrayInfo;
 use crate::io::build::data_file::DataFile;
-use crate::scene::Data;
+use crate::scene::{Data, Dropped};
 
 /// A report of how a file was read.
 #[derive(Clone, Debug, Default)]
@@ -20,10 +20,24 @@ pub struct Report {
     pub file_range: Option<[f64; 2]>,
     /// The steps of the series that the file is; else empty.
     pub steps: Vec<Step>,
+    /// Facts about Gaussian splats.
+    pub gaussians: Option<GaussiansReport>,
     /// Changes made to the data.
     pub notes: Vec<String>,
     /// Assumptions and ignored contents that may make the result wrong.
     pub warnings: Vec<String>,
+}
+
+/// A report of how Gaussian splats were read.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct GaussiansReport {
+    /// Where the axes come from, as a phrase.
+    pub axes_from: &'static str,
+    /// Texts of the file about its licence and authors.
+    pub texts: Vec<String>,
+    /// Splats that were left out or changed.
+    pub dropped: Dropped,
 }
 
 /// A step of a time series.

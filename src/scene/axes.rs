@@ -36,6 +36,21 @@ axes! {
     Bru "bru" Bld "bld" Bul "bul" Bdr "bdr" Frd "frd" Flu "flu" Fur "fur" Fdl "fdl"
 }
 
+/// Axes that the data of a file are stored in, right-handed or left-handed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct StoredAxes {
+    /// Right-handed axes.
+    pub axes: Axes,
+    /// Whether the stored x points in the opposite direction.
+    pub mirrored: bool,
+}
+
+impl From<Axes> for StoredAxes {
+    fn from(axes: Axes) -> Self {
+        Self { axes, mirrored: false }
+    }
+}
+
 /// Returns the direction of a letter, in axes that point to the right, up and back.
 fn direction(letter: char) -> Option<DVec3> {
     match letter {
@@ -57,13 +72,12 @@ impl Default for Axes {
 }
 
 impl Axes {
-    /// Returns the axes of a name of three letters in either case, and whether the named ones are left-handed: the
-    /// axes returned then have x in the opposite direction.
+    /// Returns the axes of a name of three letters in either case, which may be left-handed.
     ///
     /// # Errors
     ///
     /// [`Error::Invalid`] unless the letters name a right or left, an up or down, and a front or back.
-    pub fn named(name: &str) -> Result<(Self, bool)> {
+    pub fn named(name: &str) -> Result<StoredAxes> {
         let lower = name.to_ascii_lowercase();
         let flipped: String = lower
             .chars()
@@ -72,8 +86,8 @@ impl Axes {
             .collect();
         let find = |name: &str| Self::ALL.into_iter().find(|axes| axes.name() == name);
         match (find(&lower), find(&flipped)) {
-            (Some(axes), _) => Ok((axes, false)),
-            (None, Some(axes)) => Ok((axes, true)),
+            (Some(axes), _) => Ok(axes.into()),
+            (None, Some(axes)) => Ok(StoredAxes { axes, mirrored: true }),
             (None, None) => {
                 let rule =
                     "must be three letters for x, y and z: one of r and l, one of u and d, one of f and b";
@@ -134,12 +148,12 @@ mod tests {
     #[test]
     fn names_are_those_of_right_handed_axes() {
         for (i, axes) in Axes::ALL.into_iter().enumerate() {
-            assert_eq!(Axes::named(&axes.name().to_uppercase()).unwrap(), (axes, false));
+            assert_eq!(Axes::named(&axes.name().to_uppercase()).unwrap(), axes.into());
             assert_eq!(axes.right().cross(axes.up()), axes.back(), "{axes:?}");
             assert!(!Axes::ALL[..i].contains(&axes));
         }
-        assert_eq!(Axes::named("ruf").unwrap(), (Axes::Luf, true));
-        assert_eq!(Axes::named("LDF").unwrap(), (Axes::Rdf, true));
+        assert_eq!(Axes::named("ruf").unwrap(), StoredAxes { axes: Axes::Luf, mirrored: true });
+        assert_eq!(Axes::named("LDF").unwrap(), StoredAxes { axes: Axes::Rdf, mirrored: true });
         for wrong in ["", "r", "rrr", "rlu", "rub ", "xyz", "rubf", "rdé"] {
             assert!(Axes::named(wrong).unwrap_err().to_string().contains("such as rdf"), "{wrong}");
         }

@@ -33,7 +33,7 @@ mod tets;
 pub(crate) mod topology;
 pub(crate) mod transfer;
 
-pub use axes::Axes;
+pub use axes::{Axes, StoredAxes};
 pub use camera::{Camera, Projection, View};
 #[cfg(feature = "io")]
 pub use cells::CellKind;

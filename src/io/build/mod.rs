@@ -9,6 +9,7 @@ pub(crate) mod data_file;
 pub(crate) mod dataset;
 pub(crate) mod file_names;
 mod from_scene;
+pub(crate) mod gaussians;
 pub(crate) mod lattice;
 pub(crate) mod mesh;
 pub(crate) mod origin;

@@ -31,6 +31,11 @@ impl<'a> Budget<'a> {
         Ok(())
     }
 
+    /// Returns the bytes that may still be taken.
+    pub(crate) fn left(&self) -> u64 {
+        self.left.get()
+    }
+
     /// Returns bytes to the budget after they are freed.
     pub(crate) fn put_back(&mut self, bytes: u64) {
         self.left.set(self.left.get().saturating_add(bytes).min(self.limit));

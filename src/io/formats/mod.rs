@@ -6,6 +6,7 @@
 pub(crate) mod csv;
 pub(crate) mod dicom;
 pub(crate) mod fan;
+pub(crate) mod gaussian;
 pub(crate) mod gmsh;
 pub(crate) mod jpeg;
 pub(crate) mod metaimage;

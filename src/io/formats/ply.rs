@@ -3,7 +3,7 @@
 //! The element `vertex` is read, with its properties `x`, `y`, `z` of any type. Further numeric properties are arrays,
 //! also grouped as described in [`columns`]: `nx ny nz` are `normal`, `red green blue` are
 //! `colour`, `scale_0 scale_1 scale_2` are `scale`. List properties, faces and other elements are skipped, but must be
-//! complete. In text, each vertex is a line. [`faces`] reads the faces of surfaces.
+//! complete. In text, each vertex is a line. [`faces`] reads the faces of surfaces, [`gaussian`] scenes of Gaussian splats.
 
 mod body;
 pub(crate) mod faces;
@@ -19,8 +19,9 @@ use crate::io::file::sample_type::Pick;
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{self, shown};
+use crate::io::formats::gaussian;
 use crate::io::formats::ply::header::{Element, Header, Property, recognises};
-use crate::io::options::Request;
+use crate::io::options::{Request, Wanted};
 use crate::io::reader::Reader;
 use crate::io::report::Found;
 
@@ -43,6 +44,13 @@ impl Reader for Ply {
         let mut budget = Budget::new(source, request);
         let mut scanner = Scanner::new(source);
         let header = Header::read(&mut scanner)?;
+        // Whoever names arrays, or copies them, wants points.
+        let for_scene = request.wanted == Wanted::Scene && request.selected().is_none();
+        if let Some(form) = gaussian::ply::form(&header)
+            && (for_scene || form == gaussian::ply::Form::Packed)
+        {
+            return gaussian::ply::read(scanner, &header, form, request);
+        }
         let (place, axes) = header.vertex(source)?;
         let vertex = &header.elements[place];
 
@@ -60,6 +68,12 @@ impl Reader for Ply {
         header.end(&mut scanner)?;
 
         let mut notes = Vec::new();
+        if gaussian::ply::form(&header).is_some() && request.wanted == Wanted::Scene {
+            notes.push(
+                "the properties are those of Gaussian splats, read as points because an array is named"
+                    .to_owned(),
+            );
+        }
         for Element { name, count, .. } in &header.elements {
             match name.as_str() {
                 "vertex" => {}

@@ -16,6 +16,7 @@ mod convert;
 mod csv;
 mod dicom;
 mod folder;
+mod gaussian;
 mod gmsh;
 mod metaimage;
 mod mutations;
@@ -39,7 +40,9 @@ fn seeds() -> Vec<(&'static str, Vec<support::Sample>)> {
     let (sidecar, raw) = raw::samples().into_iter().partition(|sample| sample.files[0].0.ends_with(".json"));
     vec![
         ("csv", csv::samples()),
+        ("compressed_ply", gaussian::compressed::samples()),
         ("dicom", dicom::samples()),
+        ("gaussian_ply", gaussian::ply::samples()),
         ("gmsh", gmsh::samples()),
         ("metaimage", metaimage::samples()),
         ("nifti", nifti::samples()),
@@ -48,6 +51,8 @@ fn seeds() -> Vec<(&'static str, Vec<support::Sample>)> {
         ("ply", ply::samples()),
         ("raw", raw),
         ("sidecar", sidecar),
+        ("splat", gaussian::splat::samples()),
+        ("spz", gaussian::spz::samples()),
         ("tiff", tiff::samples()),
         ("vtk_legacy", vtk_legacy::samples()),
         ("vtk_xml", vtk_xml::samples()),
@@ -76,4 +81,6 @@ macro_rules! damaged {
     };
 }
 
-damaged!(csv dicom gmsh metaimage nifti npy nrrd ply raw sidecar tiff vtk_legacy vtk_xml);
+damaged!(
+    csv compressed_ply dicom gaussian_ply gmsh metaimage nifti npy nrrd ply raw sidecar splat spz tiff vtk_legacy vtk_xml
+);

@@ -19,16 +19,16 @@ const ROWS: [[f64; 15]; 3] = [
 ];
 
 #[derive(Clone, Copy, PartialEq)]
-enum Encoding {
+pub enum Encoding {
     Words,
     Little,
     Big,
 }
 
-const ENCODINGS: [Encoding; 3] = [Encoding::Words, Encoding::Little, Encoding::Big];
+pub const ENCODINGS: [Encoding; 3] = [Encoding::Words, Encoding::Little, Encoding::Big];
 
 /// Numbers of the types of C: `b` to `q` signed, upper case unsigned, `f` and `d` floats.
-fn put(out: &mut Vec<u8>, encoding: Encoding, kind: char, number: f64) {
+pub fn put(out: &mut Vec<u8>, encoding: Encoding, kind: char, number: f64) {
     let little: Vec<u8> = match kind {
         'b' => (number as i8).to_le_bytes().to_vec(),
         'B' => (number as u8).to_le_bytes().to_vec(),
@@ -49,7 +49,7 @@ fn put(out: &mut Vec<u8>, encoding: Encoding, kind: char, number: f64) {
     }
 }
 
-fn name(encoding: Encoding) -> &'static str {
+pub fn name(encoding: Encoding) -> &'static str {
     match encoding {
         Encoding::Words => "ascii",
         Encoding::Little => "binary_little_endian",

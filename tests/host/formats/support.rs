@@ -4,7 +4,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use volraster::io::{Data, Loaded, ReadOptions, read, read_memory};
-use volraster::scene::{Grid, Points, Samples, Tets};
+use volraster::scene::{Gaussians, Grid, Points, Samples, Tets};
 use volraster::{Error, Result};
 
 pub use crate::folder::{Folder, OPTIONS};
@@ -89,6 +89,15 @@ pub fn points(loaded: Loaded) -> Points {
     match loaded.data {
         Data::Points(points) => points,
         other => panic!("points are wanted, not {}", other.kind()),
+    }
+}
+
+/// The Gaussian splats of what was read.
+#[track_caller]
+pub fn gaussians(loaded: Loaded) -> Gaussians {
+    match loaded.data {
+        Data::Gaussians(splats) => splats,
+        other => panic!("gaussians are wanted, not {}", other.kind()),
     }
 }
 

@@ -48,6 +48,8 @@ pub(crate) struct Header {
     /// The byte order; None for text.
     pub(crate) binary: Option<Endian>,
     pub(crate) elements: Vec<Element>,
+    /// The texts of comments.
+    pub(crate) comments: Vec<String>,
 }
 
 fn sample_type(name: &str) -> Option<SampleType> {
@@ -72,6 +74,7 @@ struct Lines {
     /// The byte order, as in [`Header`], once it is known.
     format: Option<Option<Endian>>,
     elements: Vec<Element>,
+    comments: Vec<String>,
     /// Names of elements, and of properties of the last element.
     names: HashSet<String>,
     properties: HashSet<String>,
@@ -89,7 +92,11 @@ impl Lines {
             return Err(format!("a name of {} bytes: must be at most {MAX_NAME}", name.len()));
         }
         match *words.as_slice() {
-            [] | ["comment" | "obj_info", ..] => {}
+            [] | ["obj_info", ..] => {}
+            ["comment", ..] => {
+                self.comments
+                    .extend(line.trim_start().strip_prefix("comment").map(|text| text.trim().to_owned()));
+            }
             ["end_header"] => return Ok(true),
             ["format", name, version] => {
                 let binary = match name {
@@ -165,7 +172,7 @@ impl Header {
             }
         }
         match lines.format {
-            Some(binary) => Ok(Self { binary, elements: lines.elements }),
+            Some(binary) => Ok(Self { binary, elements: lines.elements, comments: lines.comments }),
             None => Err(scanner.source().error("header", "has no format")),
         }
     }
