@@ -45,6 +45,7 @@
 #define BINDING_SPLAT_DOMAIN 44 // storage block: half extents of a lattice, offset of its sheets; scale of the template
 #define BINDING_SPLAT_RECORDS 45 // storage block: ellipse or depth range of each splat in the view
 #define BINDING_SPLAT_STATE 46  // storage block: where each invocation resumes in the next dispatch
+#define BINDING_SPLAT_HARMONICS 42 // storage block: coefficients of harmonics of trained splats, half floats
 #define BINDING_SPLAT_TEMPLATE 47 // sampler2D: the footprint that all kernels of a lattice have under parallel rays
 
 #define BINDING_INTERMEDIATE 48 // storage block: texels of the intermediate images on the base planes
@@ -139,6 +140,7 @@
 #define SPEC_BY_TILES 42      // bool: BINDING_TILE_INTERVALS bounds what rays show
 #define SPEC_BY_STEPS 43      // bool: tiles have steps of their own, BINDING_TILE_STEPS
 #define SPEC_BY_TILE_LIST 44  // bool: only the tiles of BINDING_PIXELS are drawn
+#define SPEC_SPLAT_RULE 46    // uint: rule that trained splats are drawn by, one of RULE_*
 #define SPEC_COUNTED 45       // bool: samples and fetches are counted
 
 // Values of SPEC_INTEGRATOR.
@@ -168,6 +170,16 @@
 #define LOWPASS_NONE 0
 #define LOWPASS_AUTO 1
 #define LOWPASS_FULL 2
+
+// Values of SPEC_SPLAT_RULE.
+#define RULE_KHR 0
+#define RULE_INRIA 1
+#define RULE_ANTIALIASED 2
+#define RULE_RAY 3
+
+// Trained splats: words of a record without its colours, and vectors of a splat as a view sees it.
+#define TRAINED_WORDS 8
+#define TRAINED_RECORD 4
 
 // Values of SPEC_WARP.
 #define WARP_BILINEAR 0

@@ -219,6 +219,23 @@ pub(crate) struct SplatViewPush {
     pub(crate) count: u32,
 }
 
+/// The push constants of `gaussians-project.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct TrainedPush {
+    pub(crate) right: [f32; 4],
+    pub(crate) down: [f32; 4],
+    pub(crate) forward: [f32; 4],
+    pub(crate) eye: [f32; 4],
+    pub(crate) half_extent: [f32; 2],
+    pub(crate) slopes: [f32; 2],
+    pub(crate) scale_low: f32,
+    pub(crate) scale_step: f32,
+    pub(crate) count: u32,
+    pub(crate) degree: u32,
+    pub(crate) perspective: u32,
+}
+
 /// The thick segment of a cell and the corners around it, drawn as a fan of triangles (`tet-fans.glsl`).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

@@ -9,8 +9,6 @@
 #extension GL_KHR_shader_subgroup_ballot : require
 #extension GL_KHR_shader_subgroup_vote : require
 
-#include "splat/splats.glsl"
-
 #define WAITING 2u // places of a row's window
 #define EACH_WAITING(f, r) f(r * 2) f(r * 2 + 1)
 #define AS_MANY(f, r) f(r) f(r)
@@ -26,15 +24,5 @@ vec4 words_from(float word, uint first) {
 
 #define FETCH(list, at) words_from(list[at][LANE & 3u], 0u)
 #define FETCH_TWO(list, at, a, b) { float word = list[(at) + (LANE >> 2 & 1u)][LANE & 3u]; a = words_from(word, 0u); b = words_from(word, 4u); }
-
-Read read_splat(uint id) {
-    Read read = Read(vec4(0.0), vec4(0.0));
-    if (SHAPE == SHAPE_ALIKE && !DENSITY) {
-        read.point = FETCH(splat_points, id);
-    } else {
-        FETCH_TWO(splat_points, 2u * id, read.point, read.value)
-    }
-    return read;
-}
 
 #endif

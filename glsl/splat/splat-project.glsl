@@ -21,6 +21,7 @@
 #include "interface.glsl"
 #include "shared/device.glsl"
 #include "shared/keys.glsl"
+#include "splat/boxes.glsl"
 
 layout(constant_id = SPEC_SPLAT_SHAPE) const uint SHAPE = SHAPE_ALIKE;
 layout(constant_id = SPEC_SPLAT_KERNEL) const uint KERNEL = KERNEL_GAUSSIAN;
@@ -251,13 +252,9 @@ void main() {
         splat_records[2u * i] = vec4(c.z - reach, c.z + reach, 0.0, 0.0);
     }
 
-    // A hundredth of a pixel and what the place itself may be rounded by.
-    vec2 margin = vec2(0.01) + (abs(box.zw - box.xy) + abs(box.xy)) * 1e-6;
-    vec2 size = 2.0 * push.half_extent;
-    uvec2 low = uvec2(clamp(ceil(box.xy + push.half_extent - 0.5 - margin), vec2(0.0), size));
-    uvec2 high = uvec2(clamp(floor(box.zw + push.half_extent + 0.5 + margin), vec2(0.0), size));
-    there = there && all(lessThan(low, high));
-    boxes[i] = there ? uvec2(low.x | high.x << 16, low.y | high.y << 16) : uvec2(0u);
+    uvec2 packed = packed_box(box, push.half_extent);
+    there = there && packed != uvec2(0u);
+    boxes[i] = there ? packed : uvec2(0u);
     sort_keys[i] = there ? key_of(c, reach, point.xyz) : 0xffffffffu;
     order[i] = i;
 }

@@ -11,56 +11,38 @@
 // however far the eye is. Kernels that are products along the axes are summed up at Gauss-Legendre points.
 //
 // Source: Zwicker 2001; Mueller and Crawfis 1998 for slabs; Peikert, SciVis 2007, pages 4-20 and 4-21.
+// Lanes (column-lanes.glsl, pixel-lanes.glsl) come first.
 #ifndef SPLATS_GLSL
 #define SPLATS_GLSL
 
 #include "interface.glsl"
-#include "frame/bounded.glsl"
+#include "splat/band.glsl"
 
 layout(constant_id = SPEC_SPLAT_SHAPE) const uint SHAPE = SHAPE_ALIKE;
 layout(constant_id = SPEC_SPLAT_KERNEL) const uint KERNEL = KERNEL_GAUSSIAN;
 layout(constant_id = SPEC_SPLAT_DENSITY) const bool DENSITY = false; // extinctions add up; else scalars are interpolated
-layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 layout(constant_id = SPEC_EYE_INSIDE) const bool EYE_INSIDE = false; // kernels may reach behind the eye
-
-layout(push_constant) uniform SplatPush {
-    vec4 q0_kq;
-    vec4 px_kd;
-    vec4 py_scale;
-    vec4 d0_near;
-    vec4 forward_reach; // depth of a centre: dot of it with xyz; w: half the depth that a kernel spans, of sigma 1
-    vec2 half_extent;   // of the image, pixels
-    float unit;         // world length of a unit of depth
-    float h;            // in depth: thickness of a slab, or reach of the largest footprint
-    float cut;          // distance at which kernels end, in sigmas
-    float least;        // sum of weights that shows anything
-    float amplitude;    // weight of a kernel on a lattice, times its integral's unit
-    float opaque;       // transmittance at which a line ends
-    uint knots;
-    uint band;          // first tile of the band
-    uint tiles;         // their number
-    uint turns;         // of a dispatch's loops; the highest bit where no other follows, the next where another came before
-} push;
 
 // Each splat's centre with its scalar, on a lattice whose scalars are interpolated; else two: centre and 1 / sigma, then colour and
 // extinction, or scalar and weight.
 layout(set = 0, binding = BINDING_SPLAT_POINTS, std430) readonly buffer SplatPoints { vec4 splat_points[]; };
 layout(set = 0, binding = BINDING_SPLAT_SHAPES, std430) readonly buffer SplatShapes { vec4 splat_shapes[]; };   // see splat-project.glsl
 layout(set = 0, binding = BINDING_SPLAT_DOMAIN, std430) readonly buffer SplatDomain { vec4 splat_domain[]; };   // half extents of a lattice, 0 where there is none
-layout(set = 0, binding = BINDING_BIN_ENDS, std430) readonly buffer BinEnds { uint bin_ends[]; };
-layout(set = 0, binding = BINDING_BINS, std430) buffer Bins { uint bins[]; };
-layout(set = 0, binding = BINDING_SPLAT_STATE, std430) buffer SplatState { uvec2 splat_state[]; };
-layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
-layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
-
-#define MOST (push.turns & 0x3fffffffu)
-#define IS_LAST ((push.turns >> 31) != 0u)
-
 // What is read of a splat.
 struct Read {
     vec4 point;
     vec4 value;
 };
+
+Read read_splat(uint id) {
+    Read read = Read(vec4(0.0), vec4(0.0));
+    if (SHAPE == SHAPE_ALIKE && !DENSITY) {
+        read.point = FETCH(splat_points, id);
+    } else {
+        FETCH_TWO(splat_points, 2u * id, read.point, read.value)
+    }
+    return read;
+}
 
 const float HALF_SQRT_PI = 0.88622693;
 
@@ -217,13 +199,6 @@ bool meets(Meeting met) {
     return (KERNEL != KERNEL_GAUSSIAN && SHAPE != SHAPE_RADII) || met.beyond > 0.0;
 }
 
-// Depths between which a pixel's line is drawn: from the eye on, and where anything else bounds it.
-vec2 drawn_depths(uvec2 pixel) {
-    uvec2 size = uvec2(2.0 * push.half_extent);
-    vec2 bounds = bounds_of(min(pixel, size - 1u), size.x);
-    return vec2(max(bounds.x, push.d0_near.w), bounds.y);
-}
-
 // The whole line integral in depth, of what is drawn, where the line meets the kernel.
 float footprint(Meeting met, vec2 drawn) {
     if (KERNEL == KERNEL_GAUSSIAN) {
@@ -253,30 +228,6 @@ vec2 domain_of(Line line, vec2 drawn) {
     vec3 t0 = (-half_box - line.q) * inverse, t1 = (half_box - line.q) * inverse;
     vec3 low = min(t0, t1), high = max(t0, t1);
     return vec2(max(range.x, max(low.x, max(low.y, low.z))), min(range.y, min(high.x, min(high.y, high.z))));
-}
-
-// The bin of a tile of the band.
-uvec2 bin_of(uint in_band) {
-    return uvec2(in_band == 0u ? 0u : bin_ends[in_band - 1u], bin_ends[in_band]);
-}
-
-// An invocation's first pixel.
-uvec2 first_pixel(uint in_band, uint lane) {
-    uint tile = push.band + in_band, across = (uint(2.0 * push.half_extent.x) + TILE - 1u) / TILE;
-    return uvec2(tile % across, tile / across) * TILE + uvec2(lane % TILE, lane / TILE);
-}
-
-bool in_image(uvec2 pixel) {
-    return all(lessThan(pixel, uvec2(2.0 * push.half_extent)));
-}
-
-void load_pixel(uvec2 pixel, out vec4 sum, out float transmittance) {
-    sum = RESUME && in_image(pixel) ? imageLoad(accumulation, ivec2(pixel)) : vec4(0.0);
-    transmittance = in_image(pixel) ? 1.0 - sum.a : 0.0;
-}
-
-void store_pixel(uvec2 pixel, vec4 sum) {
-    if (in_image(pixel)) imageStore(accumulation, ivec2(pixel), sum);
 }
 
 #endif

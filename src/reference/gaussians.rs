@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use super::cover::{Progress, samples_of};
 use super::kernels::{Hit, Overlapping};
 use super::view_ray::{ViewRay, ViewRays};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::num;
 use crate::scene::{Gaussians, Scene, SplatRule, View, harmonics};
 
@@ -93,8 +93,8 @@ impl<'a> GaussianRays<'a> {
     /// Prepares a scene that holds splats.
     pub(super) fn of(scene: &'a Scene) -> Result<Option<Self>> {
         let (Some(splats), Some(rule)) = (scene.gaussians(), scene.splat_rule()) else { return Ok(None) };
-        if !(rule.has_depth() || scene.surfaces.is_empty()) {
-            return Err(without_depth(rule, "surfaces do"));
+        if !scene.surfaces.is_empty() {
+            rule.check_depth("surfaces")?;
         }
         Ok(Some(Self { splats, rule, overlapping: Overlapping::new() }))
     }
@@ -144,9 +144,7 @@ impl<'a> GaussianRays<'a> {
 
     /// Draws one ray, by a rule of rays.
     pub(super) fn trace(&self, ray: &ViewRay) -> Result<[f64; 4]> {
-        if !self.rule.has_depth() {
-            return Err(without_depth(self.rule, "single rays do"));
-        }
+        self.rule.check_depth("single rays")?;
         let from_eye = |centre: DVec3| (centre - ray.origin).normalize_or_zero();
         let all: Vec<Seen> = (0..self.splats.len()).map(|i| self.ellipsoid(i, from_eye)).collect();
         Ok(self.along(all.iter(), ray))
@@ -173,7 +171,7 @@ impl<'a> GaussianRays<'a> {
             return Ok(all.filter_map(|i| self.seen_ellipsoid(i, view)).collect());
         }
         if !view.clip().is_none() {
-            return Err(without_depth(self.rule, "clip regions do"));
+            self.rule.check_depth("clip regions")?;
         }
         let all = (0..self.splats.len()).into_par_iter();
         let mut seen: Vec<(f64, Seen)> = all.filter_map(|i| self.seen_ellipse(i, view)).collect();
@@ -365,15 +363,6 @@ impl<'a> GaussianRays<'a> {
 fn on_row(seen: &[Seen], y: u32) -> Vec<&Seen> {
     let [top, bottom] = [f64::from(y), f64::from(y) + 1.0];
     seen.iter().filter(|seen| seen.low.y <= bottom && seen.high.y >= top).collect()
-}
-
-fn without_depth(rule: SplatRule, what: &str) -> Error {
-    let names = SplatRule::ALL.iter().filter(|(_, rule)| rule.has_depth()).map(|(name, _)| *name);
-    let others = names.collect::<Vec<_>>().join(", ");
-    Error::invalid(
-        "rule",
-        format!("{}: its splats have no depth on a ray, which {what} need; {others} have", rule.name()),
-    )
 }
 
 /// Colour and transmittance, front to back.

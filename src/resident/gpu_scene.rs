@@ -13,6 +13,7 @@ use crate::resident::cache::Cache;
 use crate::resident::clock::{Clock, UploadTimes};
 use crate::resident::light;
 use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives};
+use crate::resident::splats::trained::TrainedSet;
 use crate::resident::splats::{SplatNeeds, SplatSet};
 use crate::resident::surfaces::SurfaceData;
 use crate::resident::tables::{Integrator, Knots, SegmentOptions, TABLE_FORMAT, Table};
@@ -69,6 +70,7 @@ struct VisibleData {
     primitives: Cache<(Primitives, Option<u32>), DrawnPrimitives>,
     /// Visible kernels, by kernel and the largest thickness of sheets in steps of the data.
     splats: Cache<(Kernel, Model, [u64; 4]), Arc<SplatSet>>,
+    trained: Cache<(), Arc<TrainedSet>>,
 }
 
 impl GpuScene {
@@ -243,6 +245,17 @@ impl GpuScene {
         self.visible.splats.get((kernel, model, numbers), || {
             self.clock.upload(|| SplatSet::new(&self.gpu, &self.scene, kernels, thickness))
         })
+    }
+
+    /// Returns the trained splats of the scene.
+    pub(crate) fn trained(&self) -> Result<Arc<TrainedSet>> {
+        let Some(splats) = self.scene.gaussians() else {
+            let why = format!("draws trained splats: the scene holds a {}", self.scene.data.kind());
+            return Err(Error::invalid("technique", why));
+        };
+        self.visible
+            .trained
+            .get((), || self.clock.upload(|| TrainedSet::new(&self.gpu, splats).map(Arc::new)))
     }
 
     /// Returns an upper bound of the length of a segment, in world units.

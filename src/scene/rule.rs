@@ -1,6 +1,7 @@
 //! The rules by which trained splats are drawn.
 
 use super::TrainedMode;
+use crate::error::{Error, Result};
 
 /// A rule by which trained splats are projected, ordered and blended. Scenes are trained under one, and look different under others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -53,5 +54,18 @@ impl SplatRule {
     #[must_use]
     pub fn has_depth(self) -> bool {
         matches!(self, Self::Ray | Self::Overlap | Self::Integral)
+    }
+
+    /// Checks that splats have depths of their own where `what` needs them.
+    pub(crate) fn check_depth(self, what: &str) -> Result<()> {
+        if self.has_depth() {
+            return Ok(());
+        }
+        let others: Vec<&str> =
+            Self::ALL.iter().filter(|(_, rule)| rule.has_depth()).map(|(name, _)| *name).collect();
+        let others = others.join(", ");
+        let why =
+            format!("{}: its splats have no depth on a ray, which {what} need; {others} have", self.name());
+        Err(Error::invalid("rule", why))
     }
 }

@@ -14,7 +14,7 @@ use crate::technique::declare::{self, OptionInfo};
 use crate::technique::grid::{raycast, slabs, slices_2d, slices_3d};
 use crate::technique::mesh::{abuffer, havs, projected_tets};
 use crate::technique::shear_warp;
-use crate::technique::splat::{ewa, sheets};
+use crate::technique::splat::{ewa, gaussians, sheets};
 
 /// Declares the enums of techniques, and the functions that depend on the type of their options.
 macro_rules! techniques {
@@ -114,6 +114,8 @@ techniques! {
     SplatSheets(sheets::Options),
     /// Gaussian splats: elliptical weighted averages, or integrals along each ray.
     SplatEwa(ewa::Options),
+    /// Trained Gaussian splats, by the rules that they are trained and shown under.
+    Gaussians(gaussians::Options),
 }
 
 impl Method {
@@ -228,7 +230,7 @@ impl Method {
     pub fn default_for(scene: &Scene) -> Option<Self> {
         // A technique that draws the kernels of the scene comes first.
         let first = match (&scene.data, &scene.kernels) {
-            (Data::Gaussians(_), _) => return Self::ALL.into_iter().find(|method| method.draws_scene(scene)),
+            (Data::Gaussians(_), _) => Self::Gaussians,
             (Data::Points(_), _) | (_, Some(_)) => Self::SplatEwa,
             (Data::Mesh(_), None) => Self::Havs,
             // A slab knows where in it an isosurface lies.

@@ -7,6 +7,7 @@
 mod lattice;
 mod scattered;
 mod space;
+pub(crate) mod trained;
 
 use std::sync::Arc;
 

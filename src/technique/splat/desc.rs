@@ -1,13 +1,11 @@
 //! How a technique draws splats, and the shader and dispatches that this takes.
 
-use crate::error::{Error, Result};
-use crate::gpu::Gpu;
 use crate::gpu::shader::{
     LOWPASS_AUTO, LOWPASS_FULL, LOWPASS_NONE, ORDER_CENTRES, ORDER_NEAREST, ORDER_SHEETS, SHEETS,
 };
 use crate::scene::Kernels;
 use crate::technique::declare::words;
-use crate::technique::splat::options::{SplatOptions, TileSplit};
+use crate::technique::splat::options::SplatOptions;
 
 /// How a pixel combines its splats. This also decides the key that they are sorted by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,26 +82,5 @@ impl SplatDesc {
             Accumulation::Slabs => longest.saturating_mul(2 + SHEETS).div_ceil(self.turns / 2),
         };
         rounds.max(1)
-    }
-
-    /// Returns whether the pixels of a tile are drawn in columns.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Unsupported`] for `spread=columns` on a device that cannot share words in a subgroup of eight.
-    pub(crate) fn columns(&self, gpu: &Gpu) -> Result<bool> {
-        // A software device runs the lanes of a workgroup in step, and reads what they share once. On a GPU a column
-        // would leave most lanes of a subgroup idle.
-        Ok(match self.options.spread {
-            TileSplit::Auto => gpu.emulates_groups() && gpu.eight_share_words(),
-            TileSplit::Pixels => false,
-            TileSplit::Columns if gpu.eight_share_words() => true,
-            TileSplit::Columns => {
-                return Err(Error::unsupported(
-                    format!("{} spread=columns", self.name),
-                    "subgroups of eight invocations that share words",
-                ));
-            }
-        })
     }
 }

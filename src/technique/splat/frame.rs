@@ -13,13 +13,13 @@ use std::sync::{Arc, PoisonError};
 
 use ash::vk;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::frame::depth_measure::DepthMeasure;
-use crate::frame::lists::{Band, cut_into_bands};
+use crate::frame::lists::Band;
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
-    Bounded, FOOTPRINT_PARTS, KERNEL_BSPLINE, KERNEL_GAUSSIAN, KERNEL_SINC, KERNEL_TENT, Optics,
+    self, Bounded, FOOTPRINT_PARTS, KERNEL_BSPLINE, KERNEL_GAUSSIAN, KERNEL_SINC, KERNEL_TENT, Optics,
     PIXELS_FIRST, SPLAT_EWA_DRAW, SPLAT_EWA_DRAW_WIDE, SPLAT_EWA_REPAIR, SPLAT_PROJECT_COMPUTE,
     SPLAT_SHEETS_AXIS, SPLAT_SHEETS_AXIS_WIDE, SPLAT_SHEETS_IMAGE, SPLAT_SHEETS_IMAGE_WIDE, STATUS_WORDS,
     SplatEwaDraw, SplatEwaRepair, SplatProject, SplatSheetsAxis, SplatSheetsImage, Splats, TILE, TILE_PIXELS,
@@ -27,12 +27,13 @@ use crate::gpu::shader::{
 use crate::gpu::{Bound, Buffer, Gpu, Groups, Image, Recorder, Sampled, TargetImage};
 use crate::interface::SplatPush;
 use crate::num::{self, f32_of};
-use crate::primitives::bins::{Bins, Fill, MOST_ENTRIES, Ranked, with_margin};
+use crate::primitives::bins::{Bins, Fill, Ranked};
 use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass};
 use crate::primitives::radix_sort::RadixSort;
 use crate::resident::GpuScene;
 use crate::resident::splats::{Shape, SplatSet};
 use crate::scene::{Kernel, Model, View};
+use crate::technique::splat::bands::{Rounds, bands_of};
 use crate::technique::splat::desc::{Accumulation, SplatDesc};
 use crate::technique::splat::outcome::SplatOutcome;
 use crate::technique::splat::view::SplatView;
@@ -64,33 +65,6 @@ pub(crate) struct SplatFrame {
     image: Arc<Image>,
     status: Arc<Buffer>,
     outcome: Arc<SplatOutcome>,
-}
-
-/// A pass that may take several dispatches.
-#[derive(Debug)]
-struct Rounds {
-    /// Draws from the beginning.
-    first: Dispatch,
-    /// Draws from where the dispatch before ended, where that takes another pipeline.
-    resume: Option<Dispatch>,
-}
-
-impl Rounds {
-    fn new(gpu: &Gpu, name: &str, rounds: u32, bind: impl Fn(bool) -> Bound) -> Result<Self> {
-        let first = pass(gpu, name, &bind(false))?;
-        let resume = if rounds > 1 { Some(pass(gpu, &format!("{name}.resume"), &bind(true))?) } else { None };
-        Ok(Self { first, resume })
-    }
-
-    /// Records the dispatches; only the last counts what is unfinished.
-    fn record(&self, recorder: &mut Recorder<'_>, push: SplatPush, rounds: u32, groups: &Groups) {
-        for round in 0..rounds {
-            let pass = self.resume.as_ref().filter(|_| round > 0).unwrap_or(&self.first);
-            let marks = u32::from(round + 1 == rounds) << 31 | u32::from(round > 0) << 30;
-            let push = SplatPush { turns: push.turns | marks, ..push };
-            pass.record(recorder, &push, groups.clone());
-        }
-    }
 }
 
 /// The pixels of a band whose splats did not come nearly in order, and the pass that draws them again.
@@ -147,6 +121,7 @@ impl Projected {
 /// The inputs of the passes that draw bins.
 struct DrawInputs {
     splats: Splats,
+    band: shader::Band,
     records: Arc<Buffer>,
     /// Pixels that are listed to be drawn again.
     pixels: Arc<Buffer>,
@@ -167,13 +142,14 @@ impl DrawInputs {
             splat_records: self.records.read(),
             splat_ewa: self.ewa,
             bounded: self.bounded.clone(),
+            band: self.band.clone(),
             splats: self.splats.clone(),
         })
     }
 
     /// Binds the shader that draws bins, in columns or in pixels; with `resume` from where the dispatch before ended.
     fn shader(&self, accumulation: Accumulation, columns: bool, resume: bool) -> Bound {
-        let splats = Splats { resume, ..self.splats.clone() };
+        let (splats, band) = (self.splats.clone(), shader::Band { resume, ..self.band.clone() });
         let (optics, bounded) = (self.optics.clone(), self.bounded.clone());
         let splat_records = self.records.read();
         match accumulation {
@@ -185,12 +161,13 @@ impl DrawInputs {
                     splat_by_pixel: accumulation == Accumulation::ByPixel,
                     splat_ewa: self.ewa,
                     bounded,
+                    band,
                     splats,
                 })
             }
             Accumulation::Slabs => {
                 let shader = if columns { SPLAT_SHEETS_IMAGE } else { SPLAT_SHEETS_IMAGE_WIDE };
-                shader.with(&SplatSheetsImage { splat_records, bounded, optics, splats })
+                shader.with(&SplatSheetsImage { splat_records, bounded, band, optics, splats })
             }
             Accumulation::Sheets => {
                 let shader = if columns { SPLAT_SHEETS_AXIS } else { SPLAT_SHEETS_AXIS_WIDE };
@@ -199,6 +176,7 @@ impl DrawInputs {
                     splat_axis: self.axis,
                     splat_tabulated: self.tabulated,
                     bounded,
+                    band,
                     optics,
                     splats,
                 })
@@ -208,7 +186,7 @@ impl DrawInputs {
 
     /// Builds the pass that draws bins, and the one that draws listed pixels again.
     fn passes(&self, gpu: &Gpu, desc: &SplatDesc, rounds: u32) -> Result<(Rounds, Option<Repair>)> {
-        let columns = desc.columns(gpu)?;
+        let columns = desc.options.tiles.columns(desc.name, gpu)?;
         let name = |part: &str| format!("{}.{part}", desc.name);
         let draw = Rounds::new(gpu, &name("draw"), rounds, |resume| {
             self.shader(desc.accumulation, columns, resume)
@@ -237,27 +215,6 @@ fn upload_domain(gpu: &Gpu, set: &SplatSet, axis: usize, scale: [f32; 4]) -> Res
     Buffer::with_data(gpu, "splats.domain", bytemuck::cast_slice(&domain))
 }
 
-/// Returns the bands whose bins fit a buffer, and the capacity that the fullest needs.
-fn bands_of(gpu: &Gpu, desc: &SplatDesc, fill: &Fill, known: u32) -> Result<(Vec<Band>, u32)> {
-    // A fifth of the buffer and 192 entries stay free for the margin of nearby views.
-    let room = |bytes: u64| (bytes / 4 - bytes / 20).saturating_sub(192);
-    let given = desc.options.pairs.unwrap_or(u32::MAX).min(MOST_ENTRIES);
-    // Bands fit what a descriptor shows; one tile may need more.
-    let [most, in_tile] = [gpu.limits().max_storage_buffer_range.into(), gpu.most_buffer_bytes()]
-        .map(|bytes| room(bytes).min(given.into()));
-    let entries = fill.tiles.iter().map(|&entries| u64::from(entries));
-    let (bands, fullest) = cut_into_bands(entries, [most, in_tile], u32::MAX).map_err(|entries| {
-        Error::unsupported(
-            format!("{} of this view", desc.name),
-            format!("{entries} splats in one tile of {TILE} pixels; {in_tile} fit"),
-        )
-    })?;
-    let fullest = u32::try_from(fullest).unwrap_or(u32::MAX);
-    let known = if bands.len() == 1 { known.min(u32::try_from(most).unwrap_or(u32::MAX)) } else { 0 };
-    let capacity = with_margin(fullest.max(known));
-    Ok((bands, capacity))
-}
-
 impl SplatFrame {
     /// Prepares frames of one view size.
     pub(crate) fn new(scene: &Arc<GpuScene>, view: &View, target: &Canvas, desc: SplatDesc) -> Result<Self> {
@@ -268,7 +225,7 @@ impl SplatFrame {
         let name = desc.name;
         let set = scene.splats(&desc.kernels, desc.options.step)?;
         let knots = scene.knots()?;
-        let opaque = desc.options.stop / scene.max_colour();
+        let opaque = desc.options.tiles.stop / scene.max_colour();
         let seen = SplatView::new(&set, &desc, knots.count, opaque, view)?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
@@ -291,7 +248,7 @@ impl SplatFrame {
             sort.record(recorder);
         })?;
         let known = *scene.splat_needs.lock().unwrap_or_else(PoisonError::into_inner);
-        let (bands, capacity) = bands_of(gpu, &desc, &fill, known.entries)?;
+        let (bands, capacity) = bands_of(gpu, name, &desc.options.tiles, &fill, known.entries)?;
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
         let bins = Bins::new(gpu, name, &ranked, widest, capacity, false)?;
 
@@ -302,17 +259,19 @@ impl SplatFrame {
         let listed = if desc.accumulation == Accumulation::ByPixel { 2 * in_band } else { 0 };
         let pixels = buffer(gpu, "pixels", u64::from(PIXELS_FIRST) + listed)?;
         let inputs = DrawInputs {
-            splats: Splats {
+            band: shader::Band {
                 accumulation: image.stored(),
                 bins: bins.entries.write(),
                 bin_ends: bins.ends.read(),
+                splat_state: state.write(),
+                status: status.write(),
+                resume: false,
+            },
+            splats: Splats {
                 splat_domain: domain.read(),
                 splat_points: set.points.read(),
                 splat_shapes: set.shapes.read(),
-                splat_state: state.write(),
-                status: status.write(),
                 eye_inside: seen.eye_inside,
-                resume: false,
                 splat_density: set.kernels.model == Model::Density,
                 splat_kernel: kernel_code(set.kernels.kernel),
                 splat_shape: set.shape.code(),

@@ -1,6 +1,7 @@
 //! Options that the techniques for splats share.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::gpu::Gpu;
 use crate::scene::{Data, Kernel, Kernels, Model, Scene};
 use crate::technique::declare::{Resolution, Value, option_set, words};
 
@@ -47,13 +48,8 @@ option_set! {
 }
 
 option_set! {
-    /// Options that the techniques for splats share.
-    pub struct SplatOptions {
-        /// Sets the thickness of slabs: for grids in units of the smallest voxel spacing, for points in median standard deviations. The
-        /// error is of second order, at jumps of the transfer function of first.
-        pub step: f64 = 1.0 => Rule::positive(),
-        /// Properties of kernels that replace the scene's.
-        pub kernels: KernelOptions = KernelOptions::default() => GROUP,
+    /// Options of the tiles that splats are binned to.
+    pub struct TileOptions {
         /// Sets the largest colour that a ray may miss when it ends early: an absolute error.
         pub stop: f64 = 2.4e-7 => Rule::below_one(),
         /// Selects the pixels that are drawn: half and quarter draw one for each square of 2 x 2 or 4 x 4 and upsample the image. They blur
@@ -64,6 +60,42 @@ option_set! {
         /// Selects the pixels that an invocation draws. columns: a column of eight, which share what is read of a splat; pixels: one,
         /// which fills the subgroups of a GPU; auto: columns on software devices, else pixels. The image is the same but for rounding.
         pub spread: TileSplit = TileSplit::Auto => Rule::words().quiet(),
+    }
+}
+
+option_set! {
+    /// Options that the techniques for kernels share.
+    pub struct SplatOptions {
+        /// Sets the thickness of slabs: for grids in units of the smallest voxel spacing, for points in median standard deviations. The
+        /// error is of second order, at jumps of the transfer function of first.
+        pub step: f64 = 1.0 => Rule::positive(),
+        /// Properties of kernels that replace the scene's.
+        pub kernels: KernelOptions = KernelOptions::default() => GROUP,
+        /// Options of tiles, which all techniques for splats have.
+        pub tiles: TileOptions = TileOptions::default() => GROUP,
+    }
+}
+
+impl TileOptions {
+    /// Returns whether the pixels of a tile are drawn in columns.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsupported`] for `spread=columns` on a device that cannot share words in a subgroup of eight.
+    pub(crate) fn columns(&self, name: &str, gpu: &Gpu) -> Result<bool> {
+        // A software device runs the lanes of a workgroup in step, and reads what they share once. On a GPU a column
+        // would leave most lanes of a subgroup idle.
+        Ok(match self.spread {
+            TileSplit::Auto => gpu.emulates_groups() && gpu.eight_share_words(),
+            TileSplit::Pixels => false,
+            TileSplit::Columns if gpu.eight_share_words() => true,
+            TileSplit::Columns => {
+                return Err(Error::unsupported(
+                    format!("{name} spread=columns"),
+                    "subgroups of eight invocations that share words",
+                ));
+            }
+        })
     }
 }
 

@@ -1,0 +1,69 @@
+// A band of tiles whose bins are drawn: the tiles, the pixels of their invocations, and where a dispatch goes on.
+#ifndef BAND_GLSL
+#define BAND_GLSL
+
+#include "interface.glsl"
+#include "frame/bounded.glsl"
+
+layout(constant_id = SPEC_RESUME) const bool RESUME = false;
+
+layout(push_constant) uniform SplatPush {
+    vec4 q0_kq;
+    vec4 px_kd;
+    vec4 py_scale;
+    vec4 d0_near;
+    vec4 forward_reach; // depth of a centre: dot of it with xyz; w: half the depth that a kernel spans, of sigma 1
+    vec2 half_extent;   // of the image, pixels
+    float unit;         // world length of a unit of depth
+    float h;            // in depth: thickness of a slab, or reach of the largest footprint
+    float cut;          // distance at which kernels end, in sigmas
+    float least;        // sum of weights that shows anything
+    float amplitude;    // weight of a kernel on a lattice, times its integral's unit
+    float opaque;       // transmittance at which a line ends
+    uint knots;
+    uint band;          // first tile of the band
+    uint tiles;         // their number
+    uint turns;         // of a dispatch's loops; the highest bit where no other follows, the next where another came before
+} push;
+
+layout(set = 0, binding = BINDING_BIN_ENDS, std430) readonly buffer BinEnds { uint bin_ends[]; };
+layout(set = 0, binding = BINDING_BINS, std430) buffer Bins { uint bins[]; };
+layout(set = 0, binding = BINDING_SPLAT_STATE, std430) buffer SplatState { uvec2 splat_state[]; };
+layout(set = 0, binding = BINDING_STATUS, std430) buffer Status { uint status[]; };
+layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
+
+#define MOST (push.turns & 0x3fffffffu)
+#define IS_LAST ((push.turns >> 31) != 0u)
+
+// Depths between which a pixel's line is drawn: from the eye on, and where anything else bounds it.
+vec2 drawn_depths(uvec2 pixel) {
+    uvec2 size = uvec2(2.0 * push.half_extent);
+    vec2 bounds = bounds_of(min(pixel, size - 1u), size.x);
+    return vec2(max(bounds.x, push.d0_near.w), bounds.y);
+}
+
+// The bin of a tile of the band.
+uvec2 bin_of(uint in_band) {
+    return uvec2(in_band == 0u ? 0u : bin_ends[in_band - 1u], bin_ends[in_band]);
+}
+
+// An invocation's first pixel.
+uvec2 first_pixel(uint in_band, uint lane) {
+    uint tile = push.band + in_band, across = (uint(2.0 * push.half_extent.x) + TILE - 1u) / TILE;
+    return uvec2(tile % across, tile / across) * TILE + uvec2(lane % TILE, lane / TILE);
+}
+
+bool in_image(uvec2 pixel) {
+    return all(lessThan(pixel, uvec2(2.0 * push.half_extent)));
+}
+
+void load_pixel(uvec2 pixel, out vec4 sum, out float transmittance) {
+    sum = RESUME && in_image(pixel) ? imageLoad(accumulation, ivec2(pixel)) : vec4(0.0);
+    transmittance = in_image(pixel) ? 1.0 - sum.a : 0.0;
+}
+
+void store_pixel(uvec2 pixel, vec4 sum) {
+    if (in_image(pixel)) imageStore(accumulation, ivec2(pixel), sum);
+}
+
+#endif

@@ -1,0 +1,271 @@
+// entry compute COMPUTE
+//
+// Trained splats as a view sees them: the pixels that each may cover, its key in the order of blending, and the record that is drawn.
+//
+//   COMPUTE  one invocation a splat
+//
+//   in    splats as resident/splats/trained.rs packs them, coefficients of their harmonics
+//   out   boxes of pixels, keys, records
+//
+// A record holds a place of the image u, in pixels from its middle, y down, and with d = pixel - u the squared distance to the splat
+//
+//     D² = (d' Q d) / (1 + 2 b·d + d' C d).
+//
+// Rules of the image (KHR, INRIA, ANTIALIASED) have b = 0 and C = 0: Q is the inverse of the affine image A A' of M = R diag(s), and its
+// determinant a sum of squared minors. By RULE_RAY D is the distance of a pixel's line to the splat in units of M, exact: in units of M the
+// line through the eye and u goes through the centre, so that p × w = -(Z w0) × (w0 + d.x gx + d.y gy) has no constant term, and nothing
+// cancels. With U = R', cofactors K = diag(sy sz, sx sz, sx sy) U and diag(s) U, which need no inverse of a flat splat:
+//
+//     Q = Z² Gram(diag(s) U (c × e)) / (F² |K c|²),   b = K c · K e Z / (F |K c|²),   C = Gram(K e) Z² / (F² |K c|²),
+//
+// for e = the view's x and y axes, c the centre from the eye, F the focal length in pixels. The depth of the nearest point is
+// Z (1 + b·d) / (1 + 2 b·d + d' C d).
+//
+// Sources: Zwicker et al. 2001 (affine image); Kerbl et al. 2023; Yu et al. 2024; KHR_gaussian_splatting.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+
+#include "interface.glsl"
+#include "shared/device.glsl"
+#include "shared/keys.glsl"
+#include "splat/boxes.glsl"
+
+layout(constant_id = SPEC_SPLAT_RULE) const uint RULE = RULE_KHR;
+
+layout(push_constant) uniform TrainedPush {
+    vec4 right;       // axes of the view, in the data's; w: what the eye's rounding takes from a place
+    vec4 down;
+    vec4 forward;
+    vec4 eye;         // rounded; w: focal length in pixels, for parallel lines pixels in a unit of length
+    vec2 half_extent; // of the image, pixels
+    vec2 slopes;      // limits of x / z and y / z in the affine image
+    float scale_low;  // logarithm to base 2 of the shortest length, and of a step of its code
+    float scale_step;
+    uint count;
+    uint degree;      // of the harmonics
+    uint perspective;
+} push;
+
+layout(local_size_x = 64) in;
+layout(set = 0, binding = BINDING_SPLAT_POINTS, std430) readonly buffer TrainedSplats { uvec4 splats[]; };
+layout(set = 0, binding = BINDING_SPLAT_HARMONICS, std430) readonly buffer SplatHarmonics { uint harmonics[]; };
+layout(set = 0, binding = BINDING_SPLAT_RECORDS, std430) writeonly buffer TrainedRecords { vec4 records[]; };
+layout(set = 0, binding = BINDING_RANK_KEYS, std430) writeonly buffer Keys { uint sort_keys[]; };
+layout(set = 0, binding = BINDING_ORDER, std430) writeonly buffer Order { uint order[]; };
+layout(set = 0, binding = BINDING_BOXES, std430) writeonly buffer Boxes { uvec2 boxes[]; };
+
+const bool RAYS = RULE >= RULE_RAY;
+const float HALF_LOG2E = 0.72134752; // turns squared distances into bits
+const float CUT = 9.0;               // squared distance at which splats end
+
+struct Trained {
+    vec3 centre;  // from the eye, in the axes of the view
+    vec3 seen;    // direction from the eye, in those of the data
+    vec3 lengths;
+    mat3 rotation; // columns: own axes in the data's
+    float opacity;
+    vec3 dc;
+};
+
+float unsigned16(uint word) { return float(word & 0xffffu) * (1.0 / 65535.0); }
+
+// Standard deviation of a code; 0 is flat.
+float length_of(uint code) {
+    return code == 0u ? 0.0 : exp2(fma(float(code - 1u), push.scale_step, push.scale_low));
+}
+
+mat3 rotation_of(uint a, uint b) {
+    // Three components of 15 bits; the greatest, of which two bits tell the place, makes up the unit.
+    vec3 parts = (vec3(a & 0x7fffu, a >> 15 & 0x7fffu, (a >> 30 | b << 2) & 0x7fffu) * (2.0 / 32767.0) - 1.0) * 0.70710678;
+    float last = sqrt(max(1.0 - dot(parts, parts), 0.0));
+    uint place = b >> 13 & 3u;
+    vec4 q = place == 0u ? vec4(last, parts) : place == 1u ? vec4(parts.x, last, parts.yz) : place == 2u ? vec4(parts.xy, last, parts.z) : vec4(parts, last);
+    float w = q.x, x = q.y, y = q.z, z = q.w;
+    return mat3(
+        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y),
+        2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x),
+        2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y));
+}
+
+Trained trained(uint i) {
+    uvec4 a = splats[2u * i], b = splats[2u * i + 1u];
+    Trained splat;
+    vec3 relative = uintBitsToFloat(a.xyz) - push.eye.xyz;
+    splat.centre = vec3(dot(push.right.xyz, relative) + push.right.w, dot(push.down.xyz, relative) + push.down.w, dot(push.forward.xyz, relative) + push.forward.w);
+    splat.seen = push.perspective != 0u ? relative / max(length(relative), 1e-30) : push.forward.xyz;
+    splat.lengths = vec3(length_of(a.w & 0xffffu), length_of(a.w >> 16), length_of(b.x & 0xffffu));
+    splat.opacity = unsigned16(b.x >> 16);
+    splat.rotation = rotation_of(b.y, b.z);
+    splat.dc = vec3(unpackHalf2x16(b.z).y, unpackHalf2x16(b.w));
+    return splat;
+}
+
+// Returns a coefficient of three channels beyond the constant.
+vec3 coefficient(uint first, uint i) {
+    uint at = first + 3u * i / 2u;
+    vec2 low = unpackHalf2x16(harmonics[at]), high = unpackHalf2x16(harmonics[at + 1u]);
+    return (i & 1u) == 0u ? vec3(low, high.x) : vec3(low.y, high);
+}
+
+// The colour of a splat from a direction: gaussians.rs of the reference has the functions, the phase (-1)^m among them.
+vec3 colour_of(uint i, Trained splat) {
+    vec3 sum = fma(vec3(0.28209479), splat.dc, vec3(0.5));
+    if (push.degree > 0u) {
+        uint rest = (push.degree + 1u) * (push.degree + 1u) - 1u, first = i * ((3u * rest + 1u) / 2u);
+        float x = splat.seen.x, y = splat.seen.y, z = splat.seen.z;
+        float xx = x * x, yy = y * y, zz = z * z;
+#define ADD(n, value) sum = fma(vec3(value), coefficient(first, n), sum);
+        ADD(0u, -0.48860251 * y)
+        ADD(1u, 0.48860251 * z)
+        ADD(2u, -0.48860251 * x)
+        if (push.degree > 1u) {
+            ADD(3u, 1.0925485 * x * y)
+            ADD(4u, -1.0925485 * y * z)
+            ADD(5u, 0.31539157 * (2.0 * zz - xx - yy))
+            ADD(6u, -1.0925485 * x * z)
+            ADD(7u, 0.54627422 * (xx - yy))
+        }
+        if (push.degree > 2u) {
+            ADD(8u, -0.59004359 * y * (3.0 * xx - yy))
+            ADD(9u, 2.8906114 * x * y * z)
+            ADD(10u, -0.4570458 * y * (4.0 * zz - xx - yy))
+            ADD(11u, 0.37317633 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy))
+            ADD(12u, -0.4570458 * x * (4.0 * zz - xx - yy))
+            ADD(13u, 1.4453057 * z * (xx - yy))
+            ADD(14u, -0.59004359 * x * (xx - 3.0 * yy))
+        }
+        if (push.degree > 3u) {
+            ADD(15u, 2.5033429 * x * y * (xx - yy))
+            ADD(16u, -1.7701308 * y * z * (3.0 * xx - yy))
+            ADD(17u, 0.94617470 * x * y * (7.0 * zz - 1.0))
+            ADD(18u, -0.66904654 * y * z * (7.0 * zz - 3.0))
+            ADD(19u, 0.10578555 * (35.0 * zz * zz - 30.0 * zz + 3.0))
+            ADD(20u, -0.66904654 * x * z * (7.0 * zz - 3.0))
+            ADD(21u, 0.47308735 * (xx - yy) * (7.0 * zz - 1.0))
+            ADD(22u, -1.7701308 * x * z * (xx - 3.0 * yy))
+            ADD(23u, 0.62583574 * (xx * (xx - 3.0 * yy) - yy * (3.0 * xx - yy)))
+        }
+    }
+    return max(sum, vec3(0.0));
+}
+
+// What is drawn of a splat: its place, Q, b and C, and the box of pixels that it may cover. Q is 0 where nothing is.
+struct Drawn {
+    vec2 place;
+    vec3 q; // xx, xy, yy
+    vec2 b;
+    vec3 c;
+    vec4 box;
+    float end;     // squared distance, in bits, at which it ends
+    float opacity;
+    float depth;
+};
+
+Drawn by_image(Trained splat) {
+    float focal = push.eye.w, z = splat.centre.z;
+    bool perspective = push.perspective != 0u, khr = RULE == RULE_KHR;
+    vec2 slopes = perspective ? splat.centre.xy / z : vec2(0.0), place = perspective ? slopes * focal : splat.centre.xy * focal;
+    if (!khr) slopes = clamp(slopes, -push.slopes, push.slopes);
+    float scale = perspective ? focal / z : focal;
+    mat3 root = mat3(splat.rotation[0] * splat.lengths.x, splat.rotation[1] * splat.lengths.y, splat.rotation[2] * splat.lengths.z);
+    vec3 ahead = push.forward.xyz * root;
+    vec3 x = scale * (push.right.xyz * root - slopes.x * ahead), y = scale * (push.down.xyz * root - slopes.y * ahead), minors = cross(x, y);
+    float lowpass = khr ? 0.0 : 0.3, bare = dot(minors, minors);
+    float xx = dot(x, x) + lowpass, xy = dot(x, y), yy = dot(y, y) + lowpass;
+    float det = bare + lowpass * (dot(x, x) + dot(y, y) + lowpass);
+    Drawn drawn;
+    drawn.place = place;
+    drawn.q = vec3(0.0);
+    drawn.b = vec2(0.0);
+    drawn.c = vec3(0.0);
+    drawn.box = vec4(0.0);
+    drawn.end = HALF_LOG2E * CUT;
+    drawn.opacity = splat.opacity;
+    drawn.depth = z;
+    if ((perspective && z <= 0.2) || !(det > 0.0) || det > 1e37) return drawn;
+    drawn.q = vec3(yy, -xy, xx) * (HALF_LOG2E / det);
+    if (RULE == RULE_ANTIALIASED) drawn.opacity *= sqrt(max(bare / det, 2.5e-5));
+    vec2 side;
+    if (khr) {
+        side = sqrt(CUT * vec2(xx, yy));
+        drawn.box = vec4(place - side, place + side);
+    } else {
+        // Where opacity falls below 1 / 255, in the tiles of 16 pixels that meet the square around.
+        float middle = 0.5 * (xx + yy), longest = middle + sqrt(max(middle * middle - det, 0.1)), reach = ceil(3.0 * sqrt(longest));
+        drawn.end = log2(max(255.0 * drawn.opacity, 1e-20));
+        side = sqrt(max(drawn.end, 0.0) / HALF_LOG2E * vec2(xx, yy));
+        vec2 low = trunc((place + push.half_extent - 0.5 - reach) / 16.0), high = trunc((place + push.half_extent + 14.5 + reach) / 16.0);
+        drawn.box = vec4(max(place - side, 16.0 * low - push.half_extent), min(place + side, 16.0 * high - push.half_extent));
+        if (drawn.end < 0.0) drawn.q = vec3(0.0);
+    }
+    return drawn;
+}
+
+// Least and greatest place of what spans an ellipsoid: of the planes x = s z that touch it. `across` is m_x Z - m_z X, `minors` m_x × m_z at
+// the cut.
+vec2 places(float x, float z, vec3 row, vec3 ahead, float depth) {
+    vec3 across = row * z - ahead * x, minors = cross(row, ahead);
+    float middle = x * z - dot(row, ahead), root = sqrt(max(dot(across, across) - dot(minors, minors), 0.0));
+    return vec2(middle - root, middle + root) / depth;
+}
+
+Drawn by_rays(Trained splat) {
+    float focal = push.eye.w;
+    bool perspective = push.perspective != 0u;
+    float most = max(max(splat.lengths.x, splat.lengths.y), max(splat.lengths.z, 1e-30));
+    vec3 s = splat.lengths / most, k = vec3(s.y * s.z, s.x * s.z, s.x * s.y), c = splat.centre;
+    // Where the centre lies beside the eye, a little before it.
+    float z = abs(c.z) < 1e-6 * length(c) ? 1e-6 * length(c) : c.z;
+    if (perspective) c.z = z;
+    mat3 rows = mat3(push.right.xyz, push.down.xyz, push.forward.xyz), own = transpose(splat.rotation) * rows;
+    // Lines go along `way` at the splat's place, and turn by ex and ey a pixel; parallel lines move instead.
+    vec3 way = perspective ? c : vec3(0.0, 0.0, 1.0), kw = k * (own * way);
+    float along = max(dot(kw, kw), 1e-37), unit = perspective ? z / focal : 1.0 / focal;
+    vec3 ex = vec3(1.0, 0.0, 0.0), ey = vec3(0.0, 1.0, 0.0);
+    vec3 ax = s * (own * cross(way, ex)), ay = s * (own * cross(way, ey));
+    float weight = unit * unit / (along * most * most) * HALF_LOG2E;
+    Drawn drawn;
+    drawn.place = perspective ? c.xy / z * focal : c.xy * focal;
+    drawn.q = vec3(dot(ax, ax), dot(ax, ay), dot(ay, ay)) * weight;
+    vec3 kx = k * (own * ex), ky = k * (own * ey);
+    float turn = perspective ? unit / along : 0.0;
+    drawn.b = vec2(dot(kw, kx), dot(kw, ky)) * turn;
+    drawn.c = vec3(dot(kx, kx), dot(kx, ky), dot(ky, ky)) * (turn * unit);
+    drawn.end = HALF_LOG2E * CUT;
+    drawn.opacity = splat.opacity;
+    drawn.depth = z;
+    mat3 root = mat3(splat.rotation[0] * splat.lengths.x, splat.rotation[1] * splat.lengths.y, splat.rotation[2] * splat.lengths.z);
+    vec3 right = 3.0 * (push.right.xyz * root), down = 3.0 * (push.down.xyz * root), ahead = 3.0 * (push.forward.xyz * root);
+    float depth = z * z - dot(ahead, ahead);
+    if (!perspective) {
+        vec2 side = vec2(length(right), length(down)) * focal;
+        drawn.box = vec4(drawn.place - side, drawn.place + side);
+    } else if (z > 0.0 && depth > 1e-4 * z * z) {
+        vec2 x = places(c.x, z, right, ahead, depth), y = places(c.y, z, down, ahead, depth);
+        drawn.box = vec4(x.x, y.x, x.y, y.y) * focal;
+    } else {
+        drawn.box = vec4(-1e30, -1e30, 1e30, 1e30);
+        if (c.z + length(ahead) < 0.0) drawn.q = vec3(0.0);
+    }
+    return drawn;
+}
+
+void main() {
+    uint i = INVOCATION_NUMBER;
+    if (i >= push.count) return;
+    Trained splat = trained(i);
+    Drawn drawn;
+    if (RAYS) drawn = by_rays(splat); else drawn = by_image(splat);
+    bool finite = all(lessThan(abs(drawn.q), vec3(1e37))) && all(lessThan(abs(drawn.place), vec2(1e30)));
+    uvec2 box = finite && drawn.opacity > 0.0 && drawn.q != vec3(0.0) ? packed_box(drawn.box, push.half_extent) : uvec2(0u);
+    bool there = box != uvec2(0u);
+    boxes[i] = box;
+    order[i] = i;
+    bool by_distance = RULE == RULE_KHR && push.perspective != 0u;
+    sort_keys[i] = there ? float_key(by_distance ? length(splat.centre) : drawn.depth) : 0xffffffffu;
+    if (!there) return;
+    records[TRAINED_RECORD * i] = vec4(drawn.place, drawn.q.xy);
+    records[TRAINED_RECORD * i + 1u] = vec4(drawn.q.z, log2(drawn.opacity), drawn.end, drawn.depth);
+    records[TRAINED_RECORD * i + 2u] = vec4(colour_of(i, splat), drawn.b.x);
+    if (RAYS) records[TRAINED_RECORD * i + 3u] = vec4(drawn.c, drawn.b.y);
+}

@@ -1,0 +1,290 @@
+//! Trained Gaussian splats, by the rules that scenes are trained and shown under (Kerbl, Kopanas, Leimkühler and Drettakis 2023).
+//!
+//! 0. The host packs splats, 32 bytes each and two for each further coefficient of their colours (`resident/splats/trained.rs`).
+//! 1. `gaussians-project.glsl` finds the place of each splat, its squared distance as a quotient of quadratic forms, its colour from this
+//!    eye, its box of pixels and its sort key.
+//! 2. A stable sort orders splats by key; tiles take theirs in that order (`bins.glsl`).
+//! 3. `gaussians-draw.glsl` blends the splats of each tile in registers, front to back.
+//!
+//! Error: that of float32 and of the packing, an RMSE of a few 1e-5; where a rule has thresholds, splats on them may count or not. Colours are
+//! display-referred, as scenes are trained. Cost: for each splat and pixel of its tiles a quadratic form and an exponential. Needs: core
+//! Vulkan 1.3.
+
+use std::sync::{Arc, PoisonError};
+
+use ash::vk;
+
+use crate::error::{Error, Result};
+use crate::frame::depth_measure::DepthMeasure;
+use crate::frame::lists::Band;
+use crate::frame::prepared::{Outcome, Prepared};
+use crate::frame::target::{Canvas, own_image};
+use crate::gpu::shader::{
+    self, GAUSSIANS_DRAW_DRAW, GAUSSIANS_DRAW_DRAW_WIDE, GAUSSIANS_PROJECT_COMPUTE, GaussiansDraw,
+    GaussiansProject, RULE_ANTIALIASED, RULE_INRIA, RULE_KHR, RULE_RAY, STATUS_WORDS, TILE, TILE_PIXELS,
+    TRAINED_RECORD,
+};
+use crate::gpu::{Buffer, Groups, Image, Recorder, TargetImage};
+use crate::interface::{SplatPush, TrainedPush};
+use crate::num::{self, f32_of};
+use crate::primitives::bins::{Bins, Fill, Ranked};
+use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass};
+use crate::primitives::radix_sort::RadixSort;
+use crate::resident::GpuScene;
+use crate::resident::splats::trained::TrainedSet;
+use crate::scene::{SplatRule, View};
+use crate::technique::declare::draw::{Draw, Facts, Of, TechniqueOptions};
+use crate::technique::declare::{Value, option_set, refused};
+use crate::technique::splat::bands::{Rounds, bands_of};
+use crate::technique::splat::options::TileOptions;
+use crate::technique::splat::outcome::SplatOutcome;
+
+/// Rules of the first program limit slopes in the affine image to this multiple of those of the image's borders.
+const SLOPES: f64 = 1.3;
+
+impl Value for SplatRule {
+    const WORDS: &'static [(&'static str, Self)] = &Self::ALL;
+}
+
+option_set! {
+    /// Options of `gaussians`.
+    pub struct Options {
+        /// Selects the rule of drawing. khr, inria and antialiased project ellipses, ray takes the greatest opacity along each pixel's ray.
+        pub rule: Option<SplatRule> = None => Rule::words().unset("the scene's, or the one that its splats were trained under"),
+        /// Options of tiles.
+        pub tiles: TileOptions = TileOptions::default() => GROUP,
+    }
+}
+
+impl TechniqueOptions for Options {
+    const FACTS: Facts = Facts {
+        name: "gaussians",
+        summary: "trained Gaussian splats, by the rule that they were trained under or another",
+        source: "Kerbl, Kopanas, Leimkühler and Drettakis 2023",
+        data: &["gaussians"],
+        kernels: &[],
+        routes: &["compute"],
+        splits_rays: false,
+        modes: &[],
+        samples: &[],
+        families: &[(Of::Trained, "", &[""])],
+    };
+}
+
+impl Draw for Options {
+    fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
+        let rule = self.rule.or(scene.scene().splat_rule()).unwrap_or(SplatRule::Khr);
+        let Some(code) = code_of(rule) else {
+            let why = format!("{}: the reference draws it, this technique does not", rule.name());
+            return Err(refused(Self::NAME, "rule", why));
+        };
+        if target.bounds.is_some() {
+            rule.check_depth("surfaces, clip regions and depth images")?;
+        }
+        Ok(Box::new(TrainedFrame::new(scene, view, target, rule, code, &self.tiles)?))
+    }
+}
+
+/// Returns the shader's code of a rule.
+fn code_of(rule: SplatRule) -> Option<u32> {
+    match rule {
+        SplatRule::Khr => Some(RULE_KHR),
+        SplatRule::Inria => Some(RULE_INRIA),
+        SplatRule::Antialiased => Some(RULE_ANTIALIASED),
+        SplatRule::Ray => Some(RULE_RAY),
+        SplatRule::Overlap | SplatRule::Integral => None,
+    }
+}
+
+/// Everything that is fixed between frames of one size.
+#[derive(Debug)]
+struct TrainedFrame {
+    set: Arc<TrainedSet>,
+    project: Dispatch,
+    sort: RadixSort,
+    bins: Bins,
+    bands: Vec<Band>,
+    draw: Rounds,
+    /// Dispatches for each band.
+    rounds: u32,
+    /// Tiles in a row.
+    across: u32,
+    pushes: (TrainedPush, SplatPush),
+    image: Arc<Image>,
+    status: Arc<Buffer>,
+    outcome: Arc<SplatOutcome>,
+}
+
+impl TrainedFrame {
+    /// Prepares frames of one view size.
+    fn new(
+        scene: &Arc<GpuScene>,
+        view: &View,
+        target: &Canvas,
+        rule: SplatRule,
+        code: u32,
+        options: &TileOptions,
+    ) -> Result<Self> {
+        let (gpu, name) = (scene.gpu(), Options::NAME);
+        let set = scene.trained()?;
+        let turns = gpu.turns()?;
+        let ends_itself = matches!(rule, SplatRule::Inria | SplatRule::Antialiased);
+        let opaque = if ends_itself { 0.0 } else { options.stop / set.max_colour };
+        let push = SplatPush { opaque: f32_of(opaque), turns, ..SplatPush::default() };
+        let pushes = pushes(&set, view, push)?;
+        let [width, height] = view.extent();
+        let across = width.div_ceil(TILE);
+        let tiles = across * height.div_ceil(TILE);
+
+        // 1. Splats as the view sees them.
+        let count = u64::from(set.count);
+        let keys = buffer(gpu, "order.keys", count)?;
+        let order = buffer(gpu, "order", count)?;
+        let boxes = buffer(gpu, "boxes", 2 * count)?;
+        let status = buffer(gpu, "status", STATUS_WORDS.into())?;
+        let records = buffer(gpu, "records", 4 * u64::from(TRAINED_RECORD) * count)?;
+        let project = GAUSSIANS_PROJECT_COMPUTE.with(&GaussiansProject {
+            boxes: boxes.write(),
+            order: order.write(),
+            rank_keys: keys.write(),
+            splat_harmonics: set.harmonics.read(),
+            splat_points: set.splats.read(),
+            splat_records: records.write(),
+            splat_rule: code,
+        });
+        let project = pass(gpu, &format!("{name}.project"), &project)?;
+
+        // 2. Their order, and bands whose bins fit a buffer.
+        let sort = RadixSort::new(gpu, &format!("{name}.sort"), [&keys, &order], set.count)?;
+        let (status_of, scratch) = (Arc::clone(&status), Arc::clone(&sort.scratch));
+        let ranked = Ranked { order, boxes, status: status_of, keys, scratch, count: set.count };
+        let fill = Fill::measure(gpu, name, &ranked, [tiles, across], |recorder| {
+            project.record(recorder, &pushes.0, groups_of(set.count, 64));
+            sort.record(recorder);
+        })?;
+        let known = *scene.splat_needs.lock().unwrap_or_else(PoisonError::into_inner);
+        let (bands, capacity) = bands_of(gpu, name, options, &fill, known.entries)?;
+        let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
+        let bins = Bins::new(gpu, name, &ranked, widest, capacity, false)?;
+
+        // 3. The pass that blends bins.
+        let format = vk::Format::R32G32B32A32_SFLOAT;
+        let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, view, target)?;
+        let state = buffer(gpu, "state", 2 * u64::from(widest) * u64::from(TILE_PIXELS))?;
+        let shader = if options.columns(name, gpu)? { GAUSSIANS_DRAW_DRAW } else { GAUSSIANS_DRAW_DRAW_WIDE };
+        let rounds = fill.longest().div_ceil(turns).max(1).max(known.rounds);
+        let draw = Rounds::new(gpu, &format!("{name}.draw"), rounds, |resume| {
+            shader.with(&GaussiansDraw {
+                splat_records: records.read(),
+                splat_rule: code,
+                bounded: target.bounded(&records),
+                band: shader::Band {
+                    accumulation: image.stored(),
+                    bins: bins.entries.write(),
+                    bin_ends: bins.ends.read(),
+                    splat_state: state.write(),
+                    status: status.write(),
+                    resume,
+                },
+            })
+        })?;
+        let total = |_: &Band| download(gpu, "bins.total", 8);
+        let outcome = SplatOutcome {
+            scene: Arc::clone(scene),
+            name,
+            status: download(gpu, "status", 4 * u64::from(STATUS_WORDS))?,
+            bins: bands.iter().map(total).collect::<Result<_>>()?,
+            repaired: Vec::new(),
+            capacity,
+            rounds,
+            splats: set.count,
+        };
+        let outcome = Arc::new(outcome);
+        Ok(Self { set, project, sort, bins, bands, draw, rounds, across, pushes, image, status, outcome })
+    }
+}
+
+/// Derives the push constants of a view in float64, for the pass that projects and for the one that draws.
+fn pushes(set: &TrainedSet, view: &View, draw: SplatPush) -> Result<(TrainedPush, SplatPush)> {
+    let eye = view.camera().eye;
+    // What float32 takes from the eye is added to all places.
+    let rounded = eye.to_array().map(f32_of);
+    let rest = glam::DVec3::from_array(rounded.map(f64::from)) - eye;
+    let row = |axis: glam::DVec3| [axis.x, axis.y, axis.z, rest.dot(axis)].map(f32_of);
+    let focal = 1.0 / view.pixel_size();
+    let half = view.extent().map(|side| 0.5 * f64::from(side));
+    let perspective = view.is_perspective();
+    let depth = (set.centre - eye).dot(view.forward());
+    let project = TrainedPush {
+        right: row(view.right()),
+        down: row(-view.up()),
+        forward: row(view.forward()),
+        eye: [rounded[0], rounded[1], rounded[2], f32_of(focal)],
+        half_extent: half.map(f32_of),
+        slopes: half.map(|half| f32_of(SLOPES * half / focal)),
+        scale_low: f32_of(set.scales[0]),
+        scale_step: f32_of(set.scales[1]),
+        count: set.count,
+        degree: set.degree,
+        perspective: u32::from(perspective),
+    };
+    let near = if perspective { f32_of(-depth) } else { -3e38 };
+    let draw = SplatPush {
+        d0_near: [0.0, 0.0, 0.0, near],
+        // Depths are told from the eye's plane here, and from the middle of the splats where rays are bounded.
+        h: f32_of(depth),
+        half_extent: half.map(f32_of),
+        ..draw
+    };
+    if !(rounded.iter().all(|x| x.is_finite()) && project.eye[3].is_normal() && draw.h.is_finite()) {
+        let why = "the camera is so far from the data, or its pixels so large or small, that float32 cannot hold the view";
+        return Err(Error::invalid("view", why));
+    }
+    Ok((project, draw))
+}
+
+impl Prepared for TrainedFrame {
+    fn set_view(&mut self, view: &View, _most_passes: u32) -> Result<bool> {
+        self.pushes = pushes(&self.set, view, self.pushes.1)?;
+        Ok(true)
+    }
+
+    fn measure(&self) -> DepthMeasure {
+        DepthMeasure { centre: self.set.centre, unit: 1.0 }
+    }
+
+    fn image(&self) -> Option<&Arc<Image>> {
+        Some(&self.image)
+    }
+
+    fn route(&self) -> &'static str {
+        "compute"
+    }
+
+    fn counters(&self) -> Vec<(&'static str, u64)> {
+        vec![
+            ("tiles", self.bands.iter().map(|band| u64::from(band.tiles)).sum()),
+            ("bands", num::wide(self.bands.len())),
+            ("rounds", self.rounds.into()),
+        ]
+    }
+
+    fn outcome(&self) -> Option<Arc<dyn Outcome>> {
+        Some(Arc::clone(&self.outcome) as _)
+    }
+
+    fn record(&self, recorder: &mut Recorder<'_>, _target: Option<&TargetImage>, _clear: bool) {
+        recorder.clear_buffer("status.clear", &self.status);
+        self.project.record(recorder, &self.pushes.0, groups_of(self.set.count, 64));
+        self.sort.record(recorder);
+        for (band, total) in self.bands.iter().zip(&self.outcome.bins) {
+            self.bins.record(recorder, self.across, [band.first, band.tiles]);
+            recorder.copy_buffer("bins.total", self.bins.total(), total, 8);
+            recorder.release_to_host(total);
+            let push = SplatPush { band: band.first, tiles: band.tiles, ..self.pushes.1 };
+            self.draw.record(recorder, push, self.rounds, &Groups::Fixed(groups_of(band.tiles, 1)));
+        }
+        recorder.copy_buffer("status", &self.status, &self.outcome.status, self.outcome.status.size());
+        recorder.release_to_host(&self.outcome.status);
+    }
+}
