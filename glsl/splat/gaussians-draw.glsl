@@ -41,7 +41,8 @@ struct Met {
 };
 
 Met meet(vec2 d, vec4 record0, vec4 record1, vec4 record2, vec4 record3) {
-    Met met = Met(fma(d.x, fma(record0.z, d.x, 2.0 * record0.w * d.y), record1.x * d.y * d.y), record1.w);
+    vec2 own = vec2(fma(record0.z, d.x, record0.w * d.y), record1.x * d.y);
+    Met met = Met(dot(own, own), record1.w);
     if (RAYS) {
         float turn = record2.w * d.x + record3.w * d.y, bend = d.x * fma(record3.x, d.x, 2.0 * record3.y * d.y) + record3.z * d.y * d.y;
         float inverse = 1.0 / max(1.0 + 2.0 * turn + bend, 1e-30);

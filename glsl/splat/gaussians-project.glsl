@@ -9,14 +9,14 @@
 //
 // A record holds a place of the image u, in pixels from its middle, y down, and with d = pixel - u the squared distance to the splat
 //
-//     D² = (d' Q d) / (1 + 2 b·d + d' C d).
+//     D² = |L d|² / (1 + 2 b·d + d' C d),    L = (l.x l.y; 0 l.z).
 //
-// Rules of the image (KHR, INRIA, ANTIALIASED) have b = 0 and C = 0: Q is the inverse of the affine image A A' of M = R diag(s), and its
-// determinant a sum of squared minors. By RULE_RAY D is the distance of a pixel's line to the splat in units of M, exact: in units of M the
+// Rules of the image (KHR, INRIA, ANTIALIASED) have b = 0 and C = 0: L is a root of the inverse of the affine image A A' of M = R diag(s), whose
+// determinant is a sum of squared minors. The entries of the inverse itself would cancel for splats that are long and thin. By RULE_RAY D is the distance of a pixel's line to the splat in units of M, exact: in units of M the
 // line through the eye and u goes through the centre, so that p × w = -(Z w0) × (w0 + d.x gx + d.y gy) has no constant term, and nothing
 // cancels. With U = R', cofactors K = diag(sy sz, sx sz, sx sy) U and diag(s) U, which need no inverse of a flat splat:
 //
-//     Q = Z² Gram(diag(s) U (c × e)) / (F² |K c|²),   b = K c · K e Z / (F |K c|²),   C = Gram(K e) Z² / (F² |K c|²),
+//     L'L = Z² Gram(diag(s) U (c × e)) / (F² |K c|²),   b = K c · K e Z / (F |K c|²),   C = Gram(K e) Z² / (F² |K c|²),
 //
 // for e = the view's x and y axes, c the centre from the eye, F the focal length in pixels. The depth of the nearest point is
 // Z (1 + b·d) / (1 + 2 b·d + d' C d).
@@ -149,10 +149,10 @@ vec3 colour_of(uint i, Trained splat) {
     return max(sum, vec3(0.0));
 }
 
-// What is drawn of a splat: its place, Q, b and C, and the box of pixels that it may cover. Q is 0 where nothing is.
+// What is drawn of a splat: its place, L, b and C, and the box of pixels that it may cover. L is 0 where nothing is.
 struct Drawn {
     vec2 place;
-    vec3 q; // xx, xy, yy
+    vec3 l;
     vec2 b;
     vec3 c;
     vec4 box;
@@ -175,7 +175,7 @@ Drawn by_image(Trained splat) {
     float det = bare + lowpass * (dot(x, x) + dot(y, y) + lowpass);
     Drawn drawn;
     drawn.place = place;
-    drawn.q = vec3(0.0);
+    drawn.l = vec3(0.0);
     drawn.b = vec2(0.0);
     drawn.c = vec3(0.0);
     drawn.box = vec4(0.0);
@@ -183,7 +183,7 @@ Drawn by_image(Trained splat) {
     drawn.opacity = splat.opacity;
     drawn.depth = z;
     if ((perspective && z <= 0.2) || !(det > 0.0) || det > 1e37) return drawn;
-    drawn.q = vec3(yy, -xy, xx) * (HALF_LOG2E / det);
+    drawn.l = vec3(sqrt(yy / det) * vec2(1.0, -xy / yy), inversesqrt(yy)) * sqrt(HALF_LOG2E);
     if (RULE == RULE_ANTIALIASED) drawn.opacity *= sqrt(max(bare / det, 2.5e-5));
     vec2 side;
     if (khr) {
@@ -196,7 +196,7 @@ Drawn by_image(Trained splat) {
         side = sqrt(max(drawn.end, 0.0) / HALF_LOG2E * vec2(xx, yy));
         vec2 low = trunc((place + push.half_extent - 0.5 - reach) / 16.0), high = trunc((place + push.half_extent + 14.5 + reach) / 16.0);
         drawn.box = vec4(max(place - side, 16.0 * low - push.half_extent), min(place + side, 16.0 * high - push.half_extent));
-        if (drawn.end < 0.0) drawn.q = vec3(0.0);
+        if (drawn.end < 0.0) drawn.l = vec3(0.0);
     }
     return drawn;
 }
@@ -223,10 +223,10 @@ Drawn by_rays(Trained splat) {
     float along = max(dot(kw, kw), 1e-37), unit = perspective ? z / focal : 1.0 / focal;
     vec3 ex = vec3(1.0, 0.0, 0.0), ey = vec3(0.0, 1.0, 0.0);
     vec3 ax = s * (own * cross(way, ex)), ay = s * (own * cross(way, ey));
-    float weight = unit * unit / (along * most * most) * HALF_LOG2E;
+    float weight = abs(unit) / (sqrt(along) * most) * sqrt(HALF_LOG2E), side = max(length(ax), 1e-30);
     Drawn drawn;
     drawn.place = perspective ? c.xy / z * focal : c.xy * focal;
-    drawn.q = vec3(dot(ax, ax), dot(ax, ay), dot(ay, ay)) * weight;
+    drawn.l = vec3(side, dot(ax, ay) / side, length(cross(ax, ay)) / side) * weight;
     vec3 kx = k * (own * ex), ky = k * (own * ey);
     float turn = perspective ? unit / along : 0.0;
     drawn.b = vec2(dot(kw, kx), dot(kw, ky)) * turn;
@@ -238,14 +238,14 @@ Drawn by_rays(Trained splat) {
     vec3 right = 3.0 * (push.right.xyz * root), down = 3.0 * (push.down.xyz * root), ahead = 3.0 * (push.forward.xyz * root);
     float depth = z * z - dot(ahead, ahead);
     if (!perspective) {
-        vec2 side = vec2(length(right), length(down)) * focal;
-        drawn.box = vec4(drawn.place - side, drawn.place + side);
+        vec2 reach = vec2(length(right), length(down)) * focal;
+        drawn.box = vec4(drawn.place - reach, drawn.place + reach);
     } else if (z > 0.0 && depth > 1e-4 * z * z) {
         vec2 x = places(c.x, z, right, ahead, depth), y = places(c.y, z, down, ahead, depth);
         drawn.box = vec4(x.x, y.x, x.y, y.y) * focal;
     } else {
         drawn.box = vec4(-1e30, -1e30, 1e30, 1e30);
-        if (c.z + length(ahead) < 0.0) drawn.q = vec3(0.0);
+        if (c.z + length(ahead) < 0.0) drawn.l = vec3(0.0);
     }
     return drawn;
 }
@@ -256,16 +256,16 @@ void main() {
     Trained splat = trained(i);
     Drawn drawn;
     if (RAYS) drawn = by_rays(splat); else drawn = by_image(splat);
-    bool finite = all(lessThan(abs(drawn.q), vec3(1e37))) && all(lessThan(abs(drawn.place), vec2(1e30)));
-    uvec2 box = finite && drawn.opacity > 0.0 && drawn.q != vec3(0.0) ? packed_box(drawn.box, push.half_extent) : uvec2(0u);
+    bool finite = all(lessThan(abs(drawn.l), vec3(1e18))) && all(lessThan(abs(drawn.place), vec2(1e30)));
+    uvec2 box = finite && drawn.opacity > 0.0 && drawn.l != vec3(0.0) ? packed_box(drawn.box, push.half_extent) : uvec2(0u);
     bool there = box != uvec2(0u);
     boxes[i] = box;
     order[i] = i;
     bool by_distance = RULE == RULE_KHR && push.perspective != 0u;
     sort_keys[i] = there ? float_key(by_distance ? length(splat.centre) : drawn.depth) : 0xffffffffu;
     if (!there) return;
-    records[TRAINED_RECORD * i] = vec4(drawn.place, drawn.q.xy);
-    records[TRAINED_RECORD * i + 1u] = vec4(drawn.q.z, log2(drawn.opacity), drawn.end, drawn.depth);
+    records[TRAINED_RECORD * i] = vec4(drawn.place, drawn.l.xy);
+    records[TRAINED_RECORD * i + 1u] = vec4(drawn.l.z, log2(drawn.opacity), drawn.end, drawn.depth);
     records[TRAINED_RECORD * i + 2u] = vec4(colour_of(i, splat), drawn.b.x);
     if (RAYS) records[TRAINED_RECORD * i + 3u] = vec4(drawn.c, drawn.b.y);
 }
