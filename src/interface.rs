@@ -231,6 +231,7 @@ pub(crate) struct TrainedPush {
     pub(crate) slopes: [f32; 2],
     pub(crate) scale_low: f32,
     pub(crate) scale_step: f32,
+    pub(crate) reach: f32,
     pub(crate) count: u32,
     pub(crate) degree: u32,
     pub(crate) perspective: u32,

@@ -31,6 +31,7 @@
 #include "splat/boxes.glsl"
 
 layout(constant_id = SPEC_SPLAT_RULE) const uint RULE = RULE_KHR;
+layout(constant_id = SPEC_SPLAT_ORDER) const uint ORDER = ORDER_DEPTHS;
 
 layout(push_constant) uniform TrainedPush {
     vec4 right;       // axes of the view, in the data's; w: what the eye's rounding takes from a place
@@ -41,6 +42,7 @@ layout(push_constant) uniform TrainedPush {
     vec2 slopes;      // limits of x / z and y / z in the affine image
     float scale_low;  // logarithm to base 2 of the shortest length, and of a step of its code
     float scale_step;
+    float reach;      // by which most splats reach before and behind their centres, at most
     uint count;
     uint degree;      // of the harmonics
     uint perspective;
@@ -159,6 +161,7 @@ struct Drawn {
     float end;     // squared distance, in bits, at which it ends
     float opacity;
     float depth;
+    float reach;   // by rays: from its depth to where lines meet it
 };
 
 Drawn by_image(Trained splat) {
@@ -182,6 +185,7 @@ Drawn by_image(Trained splat) {
     drawn.end = HALF_LOG2E * CUT;
     drawn.opacity = splat.opacity;
     drawn.depth = z;
+    drawn.reach = 0.0;
     if ((perspective && z <= 0.2) || !(det > 0.0) || det > 1e37) return drawn;
     drawn.l = vec3(sqrt(yy / det) * vec2(1.0, -xy / yy), inversesqrt(yy)) * sqrt(HALF_LOG2E);
     if (RULE == RULE_ANTIALIASED) drawn.opacity *= sqrt(max(bare / det, 2.5e-5));
@@ -231,12 +235,13 @@ Drawn by_rays(Trained splat) {
     float turn = perspective ? unit / along : 0.0;
     drawn.b = vec2(dot(kw, kx), dot(kw, ky)) * turn;
     drawn.c = vec3(dot(kx, kx), dot(kx, ky), dot(ky, ky)) * (turn * unit);
-    drawn.end = HALF_LOG2E * CUT;
+    drawn.end = 0.0;
     drawn.opacity = splat.opacity;
     drawn.depth = z;
     mat3 root = mat3(splat.rotation[0] * splat.lengths.x, splat.rotation[1] * splat.lengths.y, splat.rotation[2] * splat.lengths.z);
     vec3 right = 3.0 * (push.right.xyz * root), down = 3.0 * (push.down.xyz * root), ahead = 3.0 * (push.forward.xyz * root);
     float depth = z * z - dot(ahead, ahead);
+    drawn.reach = length(ahead);
     if (!perspective) {
         vec2 reach = vec2(length(right), length(down)) * focal;
         drawn.box = vec4(drawn.place - reach, drawn.place + reach);
@@ -261,11 +266,13 @@ void main() {
     bool there = box != uvec2(0u);
     boxes[i] = box;
     order[i] = i;
-    bool by_distance = RULE == RULE_KHR && push.perspective != 0u;
-    sort_keys[i] = there ? float_key(by_distance ? length(splat.centre) : drawn.depth) : 0xffffffffu;
+    // By pixels: splats whose centres are as deep, and those of great reach earlier by what others have not.
+    float key = ORDER == ORDER_DISTANCES && push.perspective != 0u ? length(splat.centre) : drawn.depth;
+    if (ORDER == ORDER_PIXELS) key -= max(drawn.reach - push.reach, 0.0);
+    sort_keys[i] = there ? float_key(key) : 0xffffffffu;
     if (!there) return;
     records[TRAINED_RECORD * i] = vec4(drawn.place, drawn.l.xy);
-    records[TRAINED_RECORD * i + 1u] = vec4(drawn.l.z, log2(drawn.opacity), drawn.end, drawn.depth);
+    records[TRAINED_RECORD * i + 1u] = vec4(drawn.l.z, log2(drawn.opacity), RAYS ? key : drawn.end, drawn.depth);
     records[TRAINED_RECORD * i + 2u] = vec4(colour_of(i, splat), drawn.b.x);
     if (RAYS) records[TRAINED_RECORD * i + 3u] = vec4(drawn.c, drawn.b.y);
 }

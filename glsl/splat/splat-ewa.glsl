@@ -8,9 +8,7 @@
 //   DRAW_WIDE  one invocation a pixel, for devices whose workgroups should be wide
 //   REPAIR     one invocation for each listed pixel, in whose line the order by centres is too far from its own
 //
-// BY_PIXEL: splats are blended in the order of the places where the pixel's own line is nearest to their centres. They come nearly so. Each passes
-// through a window of WAITING places, which the nearest leaves. A splat that should have come before one that has left lists the pixel.
-// REPAIR draws it by sweeps through the bin: each finds the SWEPT nearest of those that are left.
+// BY_PIXEL: splats are blended in the order of the places where the pixel's own line is nearest to their centres (by-pixel.glsl).
 //
 //   in    bins of splats by distance of their centres, records of the view (splat-project.glsl)
 //   out   accumulation image: premultiplied linear RGBA; BY_PIXEL: listed pixels, then for each the place of its bin at which REPAIR goes on
@@ -18,7 +16,7 @@
 //         product of their opacities times the difference of their colours
 //   cost  per splat and pixel one exponential for the footprint and a series for opacity
 //
-// Source: Zwicker, Pfister, van Baar, Gross, EWA volume splatting, 2001. Windows: Radl et al., StopThePop, 2024 (the idea).
+// Source: Zwicker, Pfister, van Baar, Gross, EWA volume splatting, 2001.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
@@ -29,17 +27,15 @@
 #else
 #include "splat/pixel-lanes.glsl"
 #endif
-#include "frame/listed.glsl"
 #include "shared/optics.glsl"
 #include "splat/splats.glsl"
+#include "splat/by-pixel.glsl"
 
 layout(constant_id = SPEC_SPLAT_EWA) const bool EWA = false;
 layout(constant_id = SPEC_SPLAT_BY_PIXEL) const bool BY_PIXEL = false;
 
 layout(local_size_x = 64 / ROWS) in;
 layout(set = 0, binding = BINDING_SPLAT_RECORDS, std430) readonly buffer SplatRecords { vec4 splat_records[]; };
-
-const float BEHIND_ALL = 3e38;
 
 // Returns minus the logarithm to base 2 of an ellipse's optical depth at a pixel: a quadratic form less the logarithm of the peak.
 float form_of(vec4 record0, vec4 record1, vec2 pixel) {
@@ -77,33 +73,11 @@ float place_of(Meeting met, vec3 centre) {
 // Returns the least depth at which the line may meet what follows in its bin a splat that it meets `at`. Bins ascend by the distance of centres, for
 // parallel lines by their depth, and the line meets each within its reach: in distance along the line they are no nearer than twice the reach
 // before, and depths differ by less. Ellipses near an eye inside have no bound.
-float followed_from(float at) {
+float followed_from(uint id, float at) {
     return EWA && EYE_INSIDE ? -BEHIND_ALL : at - 2.0 * push.h;
 }
 
 #ifndef REPAIR
-// A splat that waits to be blended: where the line is nearest to it, and what it adds.
-struct Piece {
-    float at;
-    float depth;
-    vec3 colour;
-};
-
-Piece waiting[ROWS * WAITING];
-
-// Swaps a piece with one that waits and is nearer, or as near: those that wait are sorted, the farthest first, and of equals the last of the bin.
-#define SWAP(j) { \
-        Piece other = waiting[j]; \
-        bool swaps = other.at <= piece.at; \
-        waiting[j].at = swaps ? piece.at : other.at; \
-        waiting[j].depth = swaps ? piece.depth : other.depth; \
-        waiting[j].colour = mix(other.colour, piece.colour, bvec3(swaps)); \
-        piece.at = swaps ? other.at : piece.at; \
-        piece.depth = swaps ? other.depth : piece.depth; \
-        piece.colour = mix(piece.colour, other.colour, bvec3(swaps)); \
-    }
-#define EMPTY(j) waiting[j] = none;
-
 void main() {
     uint lane = LANE;
     uint in_band = WORKGROUP_NUMBER;
@@ -129,20 +103,12 @@ void main() {
         load_pixel(origin + uvec2(0, r), sum[r], transmittance[r]); \
         if (BY_PIXEL) { \
             last[r] = RESUME ? uintBitsToFloat(splat_state[place + r * TILE].y) : -BEHIND_ALL; \
-            Piece none = Piece(last[r], 0.0, vec3(0.0)); \
-            EACH_WAITING(EMPTY, r) \
+            EMPTY_WINDOW(r, last[r]) \
             if (!in_image(origin + uvec2(0, r))) ended |= 1u << r; \
         } \
     }
     EACH_ROW(BEGIN)
-    // Puts a piece among those that wait, and blends the nearest of them all.
-#define BLEND_NEAREST(r, added) { \
-        Piece piece = added; \
-        EACH_WAITING(SWAP, r) \
-        last[r] = piece.at < last[r] ? BEHIND_ALL : piece.at; \
-        add_piece_behind(sum[r], transmittance[r], piece.colour, piece.depth); \
-    }
-#define BLEND_LAST(r) BLEND_NEAREST(r, Piece(BEHIND_ALL, 0.0, vec3(0.0)))
+#define BLEND_LAST(r) BLEND_NEAREST(r, Piece(BEHIND_ALL, 0.0, vec3(0.0)), sum[r], transmittance[r], last[r])
     float live = 1.0;
 #define IS_LIVE ANY(BY_PIXEL ? ended != (1u << ROWS) - 1u : live > opaque)
     for (; i < stop && IS_LIVE; ++i) {
@@ -159,8 +125,8 @@ void main() {
                 float depth = optical_depth(met, form, lines[r], value.a, drawn[r]); \
                 if (BY_PIXEL) { \
                     float at = place_of(met, splat.centre); \
-                    BLEND_NEAREST(r, Piece(at, depth, value.rgb)) \
-                    bool over = transmittance[r] <= opaque && followed_from(at) > last[r]; \
+                    BLEND_NEAREST(r, Piece(at, alpha_of(depth), value.rgb), sum[r], transmittance[r], last[r]) \
+                    bool over = transmittance[r] <= opaque && followed_from(id, at) > last[r]; \
                     ended |= uint(over || last[r] == BEHIND_ALL) << r; \
                 } else add_piece_behind(sum[r], transmittance[r], value.rgb, depth); \
             } \
@@ -185,108 +151,37 @@ void main() {
     EACH_ROW(END)
 }
 #else
-// Whether this dispatch continues where another has ended. One pipeline does both: it meets a splat at the same depth, to the bit.
-#define RESUMES ((push.turns >> 30 & 1u) != 0u)
+Line line;
+vec2 from, drawn;
 
-// The nearest splats that are left, nearest first: where the line is nearest to them, and their place in the bin.
-const uint SWEPT = 16;
-float swept_at[SWEPT];
-uint swept[SWEPT];
+void begin_line(uvec2 pixel) {
+    line = line_of(vec2(pixel) + 0.5);
+    from = vec2(pixel) + 0.5 - push.half_extent;
+    drawn = drawn_depths(pixel);
+}
 
-// Written out: drivers that limit a shader's iterations count those of inner loops, too.
-#define EACH_SWEPT(f) f(0) f(1) f(2) f(3) f(4) f(5) f(6) f(7) f(8) f(9) f(10) f(11) f(12) f(13) f(14) f(15)
+// The form of a splat's ellipse, and where that ends.
+vec2 ellipse_on_line(uint id) {
+    if (!EWA) return vec2(0.0);
+    vec4 record1 = splat_records[2u * id + 1u];
+    return vec2(form_of(splat_records[2u * id], record1, from), record1.z);
+}
 
-// Puts a splat in its place among the swept ones, of equals the last; those behind it move on, and the farthest is left over.
-#define SWEEP(j) { \
-        before = before || at < swept_at[j]; \
-        float other_at = swept_at[j]; \
-        uint other = swept[j]; \
-        swept_at[j] = before ? at : other_at; \
-        swept[j] = before ? which : other; \
-        at = before ? other_at : at; \
-        which = before ? other : which; \
-    }
-#define EMPTY(j) { \
-        swept_at[j] = BEHIND_ALL; \
-        swept[j] = 0u; \
-    }
-#define FIRST_SWEPT(j) if (swept_at[j] < BEHIND_ALL) begin = min(begin, swept[j]);
+bool meets_line(uint id, out float at) {
+    vec4 point = splat_points[2u * id];
+    Meeting met = meet(line, splat_of(id, point));
+    vec2 ellipse = ellipse_on_line(id);
+    at = place_of(met, point.xyz);
+    return covers(met, ellipse.x, ellipse.y);
+}
+
+void blend_on_line(uint id, inout vec4 sum, inout float transmittance) {
+    Read read = read_splat(id);
+    Meeting met = meet(line, splat_of(id, read.point));
+    add_piece_behind(sum, transmittance, read.value.rgb, optical_depth(met, ellipse_on_line(id).x, line, read.value.a, drawn));
+}
 
 void main() {
-    uint number = INVOCATION_NUMBER;
-    if (number >= pixels[PIXELS_COUNT]) return;
-    uint word = pixels[PIXELS_FIRST + number];
-    uvec2 pixel = uvec2(word & 0xffffu, word >> 16);
-    uint across = (uint(2.0 * push.half_extent.x) + TILE - 1u) / TILE;
-    uvec2 bin = bin_of(pixel.y / TILE * across + pixel.x / TILE - push.band);
-    vec2 from = vec2(pixel) + 0.5 - push.half_extent;
-    Line line = line_of(vec2(pixel) + 0.5);
-    vec2 drawn = drawn_depths(pixel);
-    // The last that is blended, by its place among those as near, and the first that is left.
-    uint begin_at = PIXELS_FIRST + push.tiles * TILE_PIXELS + number;
-    float last_at = RESUMES ? uintBitsToFloat(splat_state[number].x) : -BEHIND_ALL;
-    uint last = RESUMES ? splat_state[number].y : 0u, begin = RESUMES ? pixels[begin_at] : bin.x;
-    vec4 sum = RESUMES ? imageLoad(accumulation, ivec2(pixel)) : vec4(0.0);
-    float transmittance = 1.0 - sum.a, opaque = push.opaque;
-    if (last_at == BEHIND_ALL) return;
-    // Iterations that are left, of which a sweep's other loops take some.
-    const uint OTHERS = SWEPT + 2u;
-    uint room = MOST;
-    bool left = begin < bin.y, stuck = false;
-    while (left && transmittance > opaque && room > OTHERS) {
-        EACH_SWEPT(EMPTY)
-        uint first_left = bin.y, i = begin, stop = begin + min(bin.y - begin, room - OTHERS);
-        bool passed = false;
-        for (; i < stop && !passed; ++i) {
-            uint id = bins[i];
-            vec4 record0 = vec4(0.0), record1 = vec4(0.0);
-            if (EWA) {
-                record0 = splat_records[2u * id];
-                record1 = splat_records[2u * id + 1u];
-            }
-            Meeting met = meet(line, splat_of(id, splat_points[2u * id]));
-            bool there = covers(met, form_of(record0, record1, from), record1.z);
-            float at = place_of(met, splat_points[2u * id].xyz);
-            passed = there && followed_from(at) > swept_at[SWEPT - 1u];
-            at = there && (at > last_at || (at == last_at && i >= last)) ? at : BEHIND_ALL;
-            uint which = i;
-            bool before = false;
-            EACH_SWEPT(SWEEP)
-            if (at < BEHIND_ALL) first_left = min(first_left, which);
-        }
-        if (i < bin.y && !passed) {
-            // This dispatch cannot finish the sweep. The next one begins with the first that is left.
-            uint began = begin;
-            begin = min(first_left, i);
-            EACH_SWEPT(FIRST_SWEPT)
-            stuck = room == MOST && begin == began;
-            break;
-        }
-        room -= i - begin + OTHERS;
-        for (uint j = 0u; j < SWEPT; ++j) {
-            if (swept_at[j] == BEHIND_ALL) break;
-            uint id = bins[swept[j]];
-            Read read = read_splat(id);
-            vec4 record0 = vec4(0.0), record1 = vec4(0.0);
-            if (EWA) {
-                record0 = splat_records[2u * id];
-                record1 = splat_records[2u * id + 1u];
-            }
-            Meeting met = meet(line, splat_of(id, read.point));
-            float form = form_of(record0, record1, from);
-            add_piece_behind(sum, transmittance, read.value.rgb, optical_depth(met, form, line, read.value.a, drawn));
-            last_at = swept_at[j];
-            last = swept[j] + 1u;
-        }
-        begin = min(first_left, i);
-        left = begin < bin.y;
-    }
-    left = left && transmittance > opaque;
-    // A sweep that no dispatch can finish.
-    if (stuck) atomicAdd(status[STATUS_CUT], 1u);
-    if (left && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
-    splat_state[number] = uvec2(floatBitsToUint(left ? last_at : BEHIND_ALL), last);
-    pixels[begin_at] = begin;
-    store_pixel(pixel, sum);
+    repair(INVOCATION_NUMBER);
 }
 #endif

@@ -30,6 +30,10 @@ pub(crate) struct TrainedSet {
     pub(crate) scales: [f64; 2],
     /// The middle of the centres, from which depths are measured.
     pub(crate) centre: DVec3,
+    /// Half the diagonal of their box.
+    pub(crate) radius: f64,
+    /// Three standard deviations of all but the largest splats.
+    pub(crate) reach: f64,
     /// A bound of all colours.
     pub(crate) max_colour: f64,
 }
@@ -68,6 +72,8 @@ impl TrainedSet {
             harmonics: Buffer::with_data(gpu, "trained.harmonics", bytemuck::cast_slice(&beyond))?,
             scales: [scales.low, scales.step],
             centre: 0.5 * low + 0.5 * high,
+            radius: (0.5 * high - 0.5 * low).length(),
+            reach: reach(splats),
             max_colour: max_colour(splats),
         })
     }
@@ -138,6 +144,15 @@ fn halves(low: f32, high: f32) -> u32 {
     let [low, high] = [low, high]
         .map(|x| u32::from(f16::from_f32(x.clamp(f16::MIN.to_f32(), f16::MAX.to_f32())).to_bits()));
     low | high << 16
+}
+
+/// Returns three of the longest standard deviations of a splat that few exceed.
+fn reach(splats: &Gaussians) -> f64 {
+    /// The share of splats that do.
+    const LARGE: f64 = 0.02;
+    let mut longest: Vec<f32> = splats.log_scales().iter().map(|[x, y, z]| x.max(*y).max(*z)).collect();
+    let place = num::usize_of((1.0 - LARGE) * num::f64_of(longest.len() - 1));
+    3.0 * f64::from(*longest.select_nth_unstable_by(place, f32::total_cmp).1).exp()
 }
 
 /// Returns a bound of all colours: of a band of degree l the squares of the functions sum to (2 l + 1) / 4π.

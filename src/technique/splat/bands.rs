@@ -1,13 +1,17 @@
 //! Bands of tiles whose bins fit a buffer, and passes over them that may take several dispatches.
 
+use std::sync::Arc;
+
 use crate::error::{Error, Result};
 use crate::frame::lists::{Band, cut_into_bands};
 use crate::gpu::shader::TILE;
-use crate::gpu::{Bound, Gpu, Groups, Recorder};
+use crate::gpu::{Bound, Buffer, Gpu, Groups, Recorder};
 use crate::interface::SplatPush;
-use crate::primitives::bins::{Fill, MOST_ENTRIES, with_margin};
-use crate::primitives::dispatch::{Dispatch, pass};
+use crate::num;
+use crate::primitives::bins::{Bins, Fill, MOST_ENTRIES, with_margin};
+use crate::primitives::dispatch::{Dispatch, groups_of, pass};
 use crate::technique::splat::options::TileOptions;
+use crate::technique::splat::outcome::SplatOutcome;
 
 /// A pass that may take several dispatches.
 #[derive(Debug)]
@@ -61,4 +65,58 @@ pub(super) fn bands_of(
     let known = if bands.len() == 1 { known.min(u32::try_from(most).unwrap_or(u32::MAX)) } else { 0 };
     let capacity = with_margin(fullest.max(known));
     Ok((bands, capacity))
+}
+
+/// The pixels of a band whose splats did not come nearly in order, and the pass that draws them again.
+#[derive(Debug)]
+pub(super) struct Repair {
+    /// Workgroups, number and places; then where each goes on.
+    pub(super) pixels: Arc<Buffer>,
+    pub(super) draw: Rounds,
+}
+
+/// The passes that bin splats and draw the bins, for one band of tiles after the other.
+#[derive(Debug)]
+pub(super) struct BandedDraw {
+    pub(super) bins: Bins,
+    pub(super) bands: Vec<Band>,
+    /// Tiles in a row.
+    pub(super) across: u32,
+    pub(super) draw: Rounds,
+    /// Draws again the pixels that are listed.
+    pub(super) repair: Option<Repair>,
+    /// Dispatches for each band.
+    pub(super) rounds: u32,
+}
+
+impl BandedDraw {
+    /// Returns counts of work that are known before a frame is drawn.
+    pub(super) fn counters(&self) -> Vec<(&'static str, u64)> {
+        vec![
+            ("tiles", self.bands.iter().map(|band| u64::from(band.tiles)).sum()),
+            ("bands", num::wide(self.bands.len())),
+            ("rounds", self.rounds.into()),
+        ]
+    }
+
+    /// Records all passes, and copies of what they count.
+    pub(super) fn record(&self, recorder: &mut Recorder<'_>, push: SplatPush, outcome: &SplatOutcome) {
+        for (i, (band, total)) in self.bands.iter().zip(&outcome.bins).enumerate() {
+            self.bins.record(recorder, self.across, [band.first, band.tiles]);
+            recorder.copy_buffer("bins.total", self.bins.total(), total, 8);
+            recorder.release_to_host(total);
+            let push = SplatPush { band: band.first, tiles: band.tiles, ..push };
+            let tiles = Groups::Fixed(groups_of(band.tiles, 1));
+            if let Some((repair, count)) = self.repair.as_ref().zip(outcome.repaired.get(i)) {
+                recorder.clear_start("pixels.clear", &repair.pixels, count.size());
+                self.draw.record(recorder, push, self.rounds, &tiles);
+                recorder.copy_buffer("pixels.count", &repair.pixels, count, count.size());
+                recorder.release_to_host(count);
+                let listed = Groups::Counted(Arc::clone(&repair.pixels));
+                repair.draw.record(recorder, push, self.rounds, &listed);
+            } else {
+                self.draw.record(recorder, push, self.rounds, &tiles);
+            }
+        }
+    }
 }

@@ -15,7 +15,6 @@ use ash::vk;
 
 use crate::error::Result;
 use crate::frame::depth_measure::DepthMeasure;
-use crate::frame::lists::Band;
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
@@ -24,16 +23,16 @@ use crate::gpu::shader::{
     SPLAT_SHEETS_AXIS, SPLAT_SHEETS_AXIS_WIDE, SPLAT_SHEETS_IMAGE, SPLAT_SHEETS_IMAGE_WIDE, STATUS_WORDS,
     SplatEwaDraw, SplatEwaRepair, SplatProject, SplatSheetsAxis, SplatSheetsImage, Splats, TILE, TILE_PIXELS,
 };
-use crate::gpu::{Bound, Buffer, Gpu, Groups, Image, Recorder, Sampled, TargetImage};
+use crate::gpu::{Bound, Buffer, Gpu, Image, Recorder, Sampled, TargetImage};
 use crate::interface::SplatPush;
 use crate::num::{self, f32_of};
 use crate::primitives::bins::{Bins, Fill, Ranked};
-use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass};
+use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass};
 use crate::primitives::radix_sort::RadixSort;
 use crate::resident::GpuScene;
 use crate::resident::splats::{Shape, SplatSet};
 use crate::scene::{Kernel, Model, View};
-use crate::technique::splat::bands::{Rounds, bands_of};
+use crate::technique::splat::bands::{BandedDraw, Repair, Rounds, bands_of};
 use crate::technique::splat::desc::{Accumulation, SplatDesc};
 use crate::technique::splat::outcome::SplatOutcome;
 use crate::technique::splat::view::SplatView;
@@ -50,29 +49,12 @@ pub(crate) struct SplatFrame {
     desc: SplatDesc,
     set: Arc<SplatSet>,
     view: SplatView,
-    /// Tiles in a row.
-    across: u32,
     project: Dispatch,
     sort: RadixSort,
-    bins: Bins,
-    bands: Vec<Band>,
-    /// Draws bins from their beginning.
-    draw: Rounds,
-    /// Draws again the pixels that are listed.
-    repair: Option<Repair>,
-    /// Dispatches for each band, and for its listed pixels.
-    rounds: u32,
+    banded: BandedDraw,
     image: Arc<Image>,
     status: Arc<Buffer>,
     outcome: Arc<SplatOutcome>,
-}
-
-/// The pixels of a band whose splats did not come nearly in order, and the pass that draws them again.
-#[derive(Debug)]
-struct Repair {
-    /// Workgroups, number and places; then where each goes on.
-    pixels: Arc<Buffer>,
-    draw: Rounds,
 }
 
 /// The kernels as a view sees them.
@@ -288,35 +270,9 @@ impl SplatFrame {
         let rounds = desc.rounds(fill.longest()).max(known.rounds);
         let (draw, repair) = inputs.passes(gpu, &desc, rounds)?;
 
-        let host = |name: &str, words: u32, wanted: bool| -> Result<Vec<_>> {
-            bands.iter().filter(|_| wanted).map(|_| download(gpu, name, 4 * u64::from(words))).collect()
-        };
-        let outcome = SplatOutcome {
-            scene: Arc::clone(scene),
-            name,
-            status: download(gpu, "status", 4 * u64::from(STATUS_WORDS))?,
-            bins: host("bins.total", 2, true)?,
-            repaired: host("pixels.count", PIXELS_FIRST, repair.is_some())?,
-            capacity,
-            rounds,
-            splats: set.count,
-        };
-        Ok(Self {
-            desc,
-            set,
-            view: seen,
-            across,
-            project,
-            sort,
-            bins,
-            bands,
-            draw,
-            repair,
-            rounds,
-            image,
-            status,
-            outcome: Arc::new(outcome),
-        })
+        let banded = BandedDraw { bins, bands, across, draw, repair, rounds };
+        let outcome = Arc::new(SplatOutcome::new(scene, name, &banded, set.count)?);
+        Ok(Self { desc, set, view: seen, project, sort, banded, image, status, outcome })
     }
 }
 
@@ -346,11 +302,7 @@ impl Prepared for SplatFrame {
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
-        vec![
-            ("tiles", self.bands.iter().map(|band| u64::from(band.tiles)).sum()),
-            ("bands", num::wide(self.bands.len())),
-            ("rounds", self.rounds.into()),
-        ]
+        self.banded.counters()
     }
 
     fn outcome(&self) -> Option<Arc<dyn Outcome>> {
@@ -361,25 +313,8 @@ impl Prepared for SplatFrame {
         recorder.clear_buffer("status.clear", &self.status);
         self.project.record(recorder, &self.view.project, groups_of(self.set.count, 64));
         self.sort.record(recorder);
-        let outcome = &self.outcome;
-        for (i, (band, total)) in self.bands.iter().zip(&outcome.bins).enumerate() {
-            self.bins.record(recorder, self.across, [band.first, band.tiles]);
-            recorder.copy_buffer("bins.total", self.bins.total(), total, 8);
-            recorder.release_to_host(total);
-            let push =
-                SplatPush { band: band.first, tiles: band.tiles, turns: self.desc.turns, ..self.view.draw };
-            let tiles = Groups::Fixed(groups_of(band.tiles, 1));
-            if let Some((repair, count)) = self.repair.as_ref().zip(outcome.repaired.get(i)) {
-                recorder.clear_start("pixels.clear", &repair.pixels, count.size());
-                self.draw.record(recorder, push, self.rounds, &tiles);
-                recorder.copy_buffer("pixels.count", &repair.pixels, count, count.size());
-                recorder.release_to_host(count);
-                let listed = Groups::Counted(Arc::clone(&repair.pixels));
-                repair.draw.record(recorder, push, self.rounds, &listed);
-            } else {
-                self.draw.record(recorder, push, self.rounds, &tiles);
-            }
-        }
+        let push = SplatPush { turns: self.desc.turns, ..self.view.draw };
+        self.banded.record(recorder, push, &self.outcome);
         recorder.copy_buffer("status", &self.status, &self.outcome.status, self.outcome.status.size());
         recorder.release_to_host(&self.outcome.status);
     }

@@ -4,7 +4,7 @@
 //! 1. `gaussians-project.glsl` finds the place of each splat, its squared distance as a quotient of quadratic forms, its colour from this
 //!    eye, its box of pixels and its sort key.
 //! 2. A stable sort orders splats by key; tiles take theirs in that order (`bins.glsl`).
-//! 3. `gaussians-draw.glsl` blends the splats of each tile in registers, front to back.
+//! 3. `gaussians.glsl` blends the splats of each tile in registers, front to back.
 //!
 //! Error: that of float32 and of the packing, an RMSE of a few 1e-5; where a rule has thresholds, splats on them may count or not. Colours are
 //! display-referred, as scenes are trained. Cost: for each splat and pixel of its tiles a quadratic form and an exponential. Needs: core
@@ -16,26 +16,25 @@ use ash::vk;
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
-use crate::frame::lists::Band;
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
-    self, GAUSSIANS_DRAW_DRAW, GAUSSIANS_DRAW_DRAW_WIDE, GAUSSIANS_PROJECT_COMPUTE, GaussiansDraw,
-    GaussiansProject, RULE_ANTIALIASED, RULE_INRIA, RULE_KHR, RULE_RAY, STATUS_WORDS, TILE, TILE_PIXELS,
-    TRAINED_RECORD,
+    self, GAUSSIANS_DRAW, GAUSSIANS_DRAW_WIDE, GAUSSIANS_PROJECT_COMPUTE, GAUSSIANS_REPAIR, GaussiansDraw,
+    GaussiansProject, GaussiansRepair, ORDER_DEPTHS, ORDER_DISTANCES, ORDER_PIXELS, PIXELS_FIRST,
+    RULE_ANTIALIASED, RULE_INRIA, RULE_KHR, RULE_RAY, STATUS_WORDS, TILE, TILE_PIXELS, TRAINED_RECORD,
 };
-use crate::gpu::{Buffer, Groups, Image, Recorder, TargetImage};
+use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::interface::{SplatPush, TrainedPush};
-use crate::num::{self, f32_of};
+use crate::num::f32_of;
 use crate::primitives::bins::{Bins, Fill, Ranked};
-use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass};
+use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass};
 use crate::primitives::radix_sort::RadixSort;
 use crate::resident::GpuScene;
 use crate::resident::splats::trained::TrainedSet;
 use crate::scene::{SplatRule, View};
 use crate::technique::declare::draw::{Draw, Facts, Of, TechniqueOptions};
-use crate::technique::declare::{Value, option_set, refused};
-use crate::technique::splat::bands::{Rounds, bands_of};
+use crate::technique::declare::{Value, option_set, refused, words};
+use crate::technique::splat::bands::{BandedDraw, Repair, Rounds, bands_of};
 use crate::technique::splat::options::TileOptions;
 use crate::technique::splat::outcome::SplatOutcome;
 
@@ -46,11 +45,27 @@ impl Value for SplatRule {
     const WORDS: &'static [(&'static str, Self)] = &Self::ALL;
 }
 
+words! {
+    /// The order in which splats are blended.
+    pub enum SplatOrder {
+        /// By the depth of centres, along the viewing direction.
+        Depth = "depth",
+        /// By the distance of centres from the eye.
+        Distance = "distance",
+        /// By the place where each pixel's ray is nearest to them.
+        Pixel = "pixel",
+    }
+}
+
 option_set! {
     /// Options of `gaussians`.
     pub struct Options {
         /// Selects the rule of drawing. khr, inria and antialiased project ellipses, ray takes the greatest opacity along each pixel's ray.
         pub rule: Option<SplatRule> = None => Rule::words().unset("the scene's, or the one that its splats were trained under"),
+        /// Selects the order of blending. depth and distance take splats by their centres, as rules of the image do, and may jump when the
+        /// camera turns; pixel takes them in each pixel by the place where its ray is nearest to them, with rule=ray.
+        pub order: Option<SplatOrder> = None
+            => Rule::words().unset("the rule's: distance for khr, depth for inria and antialiased, pixel for ray"),
         /// Options of tiles.
         pub tiles: TileOptions = TileOptions::default() => GROUP,
     }
@@ -81,7 +96,46 @@ impl Draw for Options {
         if target.bounds.is_some() {
             rule.check_depth("surfaces, clip regions and depth images")?;
         }
-        Ok(Box::new(TrainedFrame::new(scene, view, target, rule, code, &self.tiles)?))
+        let usual = match rule {
+            SplatRule::Khr => SplatOrder::Distance,
+            SplatRule::Inria | SplatRule::Antialiased => SplatOrder::Depth,
+            SplatRule::Ray | SplatRule::Overlap | SplatRule::Integral => SplatOrder::Pixel,
+        };
+        let order = self.order.unwrap_or(usual);
+        if order == SplatOrder::Pixel && !rule.has_depth() {
+            let why = format!("pixel: splats have no depth on a ray by rule={}", rule.name());
+            return Err(refused(Self::NAME, "order", why));
+        }
+        let desc = TrainedDesc { rule: code, order, tiles: self.tiles };
+        Ok(Box::new(TrainedFrame::new(scene, view, target, &desc)?))
+    }
+}
+
+/// How splats are drawn.
+struct TrainedDesc {
+    /// The shader's code of the rule.
+    rule: u32,
+    order: SplatOrder,
+    tiles: TileOptions,
+}
+
+impl TrainedDesc {
+    fn by_pixel(&self) -> bool {
+        self.order == SplatOrder::Pixel
+    }
+
+    /// Returns the shader's code of the sort key.
+    fn key_code(&self) -> u32 {
+        match self.order {
+            SplatOrder::Depth => ORDER_DEPTHS,
+            SplatOrder::Distance => ORDER_DISTANCES,
+            SplatOrder::Pixel => ORDER_PIXELS,
+        }
+    }
+
+    /// Returns whether pixels end by thresholds of the rule.
+    fn ends_itself(&self) -> bool {
+        [RULE_INRIA, RULE_ANTIALIASED].contains(&self.rule)
     }
 }
 
@@ -102,13 +156,7 @@ struct TrainedFrame {
     set: Arc<TrainedSet>,
     project: Dispatch,
     sort: RadixSort,
-    bins: Bins,
-    bands: Vec<Band>,
-    draw: Rounds,
-    /// Dispatches for each band.
-    rounds: u32,
-    /// Tiles in a row.
-    across: u32,
+    banded: BandedDraw,
     pushes: (TrainedPush, SplatPush),
     image: Arc<Image>,
     status: Arc<Buffer>,
@@ -117,19 +165,11 @@ struct TrainedFrame {
 
 impl TrainedFrame {
     /// Prepares frames of one view size.
-    fn new(
-        scene: &Arc<GpuScene>,
-        view: &View,
-        target: &Canvas,
-        rule: SplatRule,
-        code: u32,
-        options: &TileOptions,
-    ) -> Result<Self> {
+    fn new(scene: &Arc<GpuScene>, view: &View, target: &Canvas, desc: &TrainedDesc) -> Result<Self> {
         let (gpu, name) = (scene.gpu(), Options::NAME);
         let set = scene.trained()?;
         let turns = gpu.turns()?;
-        let ends_itself = matches!(rule, SplatRule::Inria | SplatRule::Antialiased);
-        let opaque = if ends_itself { 0.0 } else { options.stop / set.max_colour };
+        let opaque = if desc.ends_itself() { 0.0 } else { desc.tiles.stop / set.max_colour };
         let push = SplatPush { opaque: f32_of(opaque), turns, ..SplatPush::default() };
         let pushes = pushes(&set, view, push)?;
         let [width, height] = view.extent();
@@ -150,7 +190,8 @@ impl TrainedFrame {
             splat_harmonics: set.harmonics.read(),
             splat_points: set.splats.read(),
             splat_records: records.write(),
-            splat_rule: code,
+            splat_order: desc.key_code(),
+            splat_rule: desc.rule,
         });
         let project = pass(gpu, &format!("{name}.project"), &project)?;
 
@@ -163,44 +204,53 @@ impl TrainedFrame {
             sort.record(recorder);
         })?;
         let known = *scene.splat_needs.lock().unwrap_or_else(PoisonError::into_inner);
-        let (bands, capacity) = bands_of(gpu, name, options, &fill, known.entries)?;
+        let (bands, capacity) = bands_of(gpu, name, &desc.tiles, &fill, known.entries)?;
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
         let bins = Bins::new(gpu, name, &ranked, widest, capacity, false)?;
 
         // 3. The pass that blends bins.
         let format = vk::Format::R32G32B32A32_SFLOAT;
         let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, view, target)?;
-        let state = buffer(gpu, "state", 2 * u64::from(widest) * u64::from(TILE_PIXELS))?;
-        let shader = if options.columns(name, gpu)? { GAUSSIANS_DRAW_DRAW } else { GAUSSIANS_DRAW_DRAW_WIDE };
+        let in_band = u64::from(widest) * u64::from(TILE_PIXELS);
+        let state = buffer(gpu, "state", 2 * in_band)?;
+        let listed = if desc.by_pixel() { 2 * in_band } else { 0 };
+        let pixels = buffer(gpu, "pixels", u64::from(PIXELS_FIRST) + listed)?;
+        let band = |resume: bool| shader::Band {
+            accumulation: image.stored(),
+            bins: bins.entries.write(),
+            bin_ends: bins.ends.read(),
+            splat_state: state.write(),
+            status: status.write(),
+            resume,
+        };
+        let shader = if desc.tiles.columns(name, gpu)? { GAUSSIANS_DRAW } else { GAUSSIANS_DRAW_WIDE };
         let rounds = fill.longest().div_ceil(turns).max(1).max(known.rounds);
         let draw = Rounds::new(gpu, &format!("{name}.draw"), rounds, |resume| {
             shader.with(&GaussiansDraw {
+                pixels: pixels.write(),
                 splat_records: records.read(),
-                splat_rule: code,
+                splat_by_pixel: desc.by_pixel(),
+                splat_rule: desc.rule,
+                band: band(resume),
                 bounded: target.bounded(&records),
-                band: shader::Band {
-                    accumulation: image.stored(),
-                    bins: bins.entries.write(),
-                    bin_ends: bins.ends.read(),
-                    splat_state: state.write(),
-                    status: status.write(),
-                    resume,
-                },
             })
         })?;
-        let total = |_: &Band| download(gpu, "bins.total", 8);
-        let outcome = SplatOutcome {
-            scene: Arc::clone(scene),
-            name,
-            status: download(gpu, "status", 4 * u64::from(STATUS_WORDS))?,
-            bins: bands.iter().map(total).collect::<Result<_>>()?,
-            repaired: Vec::new(),
-            capacity,
-            rounds,
-            splats: set.count,
+        let repair = || {
+            let draw = Rounds::new(gpu, &format!("{name}.repair"), 1, |_| {
+                GAUSSIANS_REPAIR.with(&GaussiansRepair {
+                    pixels: pixels.write(),
+                    splat_records: records.read(),
+                    splat_rule: desc.rule,
+                    band: band(false),
+                    bounded: target.bounded(&records),
+                })
+            })?;
+            Ok(Repair { pixels: Arc::clone(&pixels), draw })
         };
-        let outcome = Arc::new(outcome);
-        Ok(Self { set, project, sort, bins, bands, draw, rounds, across, pushes, image, status, outcome })
+        let repair = desc.by_pixel().then(repair).transpose()?;
+        let banded = BandedDraw { bins, bands, across, draw, repair, rounds };
+        let outcome = Arc::new(SplatOutcome::new(scene, name, &banded, set.count)?);
+        Ok(Self { set, project, sort, banded, pushes, image, status, outcome })
     }
 }
 
@@ -224,6 +274,7 @@ fn pushes(set: &TrainedSet, view: &View, draw: SplatPush) -> Result<(TrainedPush
         slopes: half.map(|half| f32_of(SLOPES * half / focal)),
         scale_low: f32_of(set.scales[0]),
         scale_step: f32_of(set.scales[1]),
+        reach: f32_of(set.reach),
         count: set.count,
         degree: set.degree,
         perspective: u32::from(perspective),
@@ -233,6 +284,8 @@ fn pushes(set: &TrainedSet, view: &View, draw: SplatPush) -> Result<(TrainedPush
         d0_near: [0.0, 0.0, 0.0, near],
         // Depths are told from the eye's plane here, and from the middle of the splats where rays are bounded.
         h: f32_of(depth),
+        // Depths in float32 have less rounding than this.
+        forward_reach: [0.0, 0.0, 0.0, f32_of(set.reach + 1e-5 * (set.radius + depth.abs()))],
         half_extent: half.map(f32_of),
         ..draw
     };
@@ -262,11 +315,7 @@ impl Prepared for TrainedFrame {
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
-        vec![
-            ("tiles", self.bands.iter().map(|band| u64::from(band.tiles)).sum()),
-            ("bands", num::wide(self.bands.len())),
-            ("rounds", self.rounds.into()),
-        ]
+        self.banded.counters()
     }
 
     fn outcome(&self) -> Option<Arc<dyn Outcome>> {
@@ -277,13 +326,7 @@ impl Prepared for TrainedFrame {
         recorder.clear_buffer("status.clear", &self.status);
         self.project.record(recorder, &self.pushes.0, groups_of(self.set.count, 64));
         self.sort.record(recorder);
-        for (band, total) in self.bands.iter().zip(&self.outcome.bins) {
-            self.bins.record(recorder, self.across, [band.first, band.tiles]);
-            recorder.copy_buffer("bins.total", self.bins.total(), total, 8);
-            recorder.release_to_host(total);
-            let push = SplatPush { band: band.first, tiles: band.tiles, ..self.pushes.1 };
-            self.draw.record(recorder, push, self.rounds, &Groups::Fixed(groups_of(band.tiles, 1)));
-        }
+        self.banded.record(recorder, self.pushes.1, &self.outcome);
         recorder.copy_buffer("status", &self.status, &self.outcome.status, self.outcome.status.size());
         recorder.release_to_host(&self.outcome.status);
     }

@@ -5,10 +5,13 @@ use std::sync::{Arc, PoisonError};
 use crate::error::{Error, Result};
 use crate::frame::prepared::Outcome;
 use crate::gpu::Buffer;
-use crate::gpu::shader::{PIXELS_COUNT, STATUS_CUT, STATUS_LOST, STATUS_UNFINISHED};
+use crate::gpu::shader::{
+    PIXELS_COUNT, PIXELS_FIRST, STATUS_CUT, STATUS_LOST, STATUS_UNFINISHED, STATUS_WORDS,
+};
 use crate::num;
-use crate::primitives::dispatch::{total, words};
+use crate::primitives::dispatch::{download, total, words};
 use crate::resident::GpuScene;
+use crate::technique::splat::bands::BandedDraw;
 
 /// Buffers that a frame copies its status and totals to, with the capacities that it had.
 #[derive(Debug)]
@@ -25,6 +28,32 @@ pub(crate) struct SplatOutcome {
     /// Dispatches for each band.
     pub(crate) rounds: u32,
     pub(crate) splats: u32,
+}
+
+impl SplatOutcome {
+    /// Makes the buffers of a frame.
+    pub(super) fn new(
+        scene: &Arc<GpuScene>,
+        name: &'static str,
+        banded: &BandedDraw,
+        splats: u32,
+    ) -> Result<Self> {
+        let gpu = scene.gpu();
+        let host = |name: &str, words: u32, wanted: bool| -> Result<Vec<_>> {
+            let bands = banded.bands.iter().filter(|_| wanted);
+            bands.map(|_| download(gpu, name, 4 * u64::from(words))).collect()
+        };
+        Ok(Self {
+            scene: Arc::clone(scene),
+            name,
+            status: download(gpu, "status", 4 * u64::from(STATUS_WORDS))?,
+            bins: host("bins.total", 2, true)?,
+            repaired: host("pixels.count", PIXELS_FIRST, banded.repair.is_some())?,
+            capacity: banded.bins.capacity,
+            rounds: banded.rounds,
+            splats,
+        })
+    }
 }
 
 impl Outcome for SplatOutcome {
