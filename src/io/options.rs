@@ -2,10 +2,11 @@
 
 use std::fmt;
 use std::ops::Deref;
+use std::path::Path;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::scene::{Axes, StoredAxes};
+use crate::scene::{Axes, Data, StoredAxes};
 
 /// A callback that receives the progress of reading: bytes read so far and in total, of the file as stored. A
 /// two-pass read reports each pass.
@@ -84,6 +85,18 @@ impl ReadOptions {
             ("weight", &self.weight),
         ];
         all.into_iter().find_map(|(name, array)| Some((name, array.as_deref()?)))
+    }
+
+    /// Refuses axes for data that is not turned.
+    pub(crate) fn check_axes(&self, path: &Path, data: &Data) -> Result<()> {
+        match data {
+            Data::Gaussians(_) => Ok(()),
+            _ if self.axes.is_none() && self.turn_to.is_none() => Ok(()),
+            other => {
+                let why = format!("only gaussians have axes to name, not a {}", other.kind());
+                Err(Error::file(path, "axes", why))
+            }
+        }
     }
 
     /// Refuses kernel sizes and weights for data without kernels.

@@ -84,15 +84,8 @@ pub(crate) fn checked(path: &Path, mut loaded: Found, options: &ReadOptions) -> 
             ));
         }
     }
-    if let Content::Scene(data) = &loaded.data
-        && !matches!(data, Data::Gaussians(_))
-        && (options.axes.is_some() || options.turn_to.is_some())
-    {
-        return Err(Error::file(
-            path,
-            "axes",
-            format!("only gaussians are turned, this is a {}", data.kind()),
-        ));
+    if let Content::Scene(data) = &loaded.data {
+        options.check_axes(path, data)?;
     }
     if let (Some(array), Content::Scene(_)) = (&options.array, &loaded.data)
         && loaded.report.arrays.is_empty()

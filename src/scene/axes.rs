@@ -45,6 +45,34 @@ pub struct StoredAxes {
     pub mirrored: bool,
 }
 
+impl StoredAxes {
+    /// Returns the names of all axes, those of right-handed ones first.
+    pub fn names() -> impl Iterator<Item = String> {
+        let all = |mirrored: bool| Axes::ALL.into_iter().map(move |axes| Self { axes, mirrored }.name());
+        all(false).chain(all(true))
+    }
+
+    /// Returns the three letters.
+    #[must_use]
+    pub fn name(self) -> String {
+        let turned = |(i, letter)| if i == 0 && self.mirrored { opposite(letter) } else { letter };
+        self.axes.name().chars().enumerate().map(turned).collect()
+    }
+
+    /// Returns the axes if they are right-handed.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if they are left-handed.
+    pub fn right_handed(self) -> Result<Axes> {
+        if self.mirrored {
+            let why = format!("\"{}\": must be right-handed, such as {}", self.name(), self.axes.name());
+            return Err(Error::invalid("axes", why));
+        }
+        Ok(self.axes)
+    }
+}
+
 impl From<Axes> for StoredAxes {
     fn from(axes: Axes) -> Self {
         Self { axes, mirrored: false }
@@ -157,6 +185,19 @@ mod tests {
         for wrong in ["", "r", "rrr", "rlu", "rub ", "xyz", "rubf", "rdé"] {
             assert!(Axes::named(wrong).unwrap_err().to_string().contains("such as rdf"), "{wrong}");
         }
+    }
+
+    #[test]
+    fn stored_axes_have_names() {
+        let names: Vec<String> = StoredAxes::names().collect();
+        assert_eq!(names.len(), 48);
+        for name in &names {
+            let axes = Axes::named(name).unwrap();
+            assert_eq!(axes.name(), *name);
+            assert_eq!(axes.right_handed().is_ok(), !axes.mirrored, "{name}");
+        }
+        let why = Axes::named("ruf").unwrap().right_handed().unwrap_err().to_string();
+        assert!(why.contains("such as luf"), "{why}");
     }
 
     #[test]

@@ -866,9 +866,9 @@ fn scene_files_are_refused_by_place_and_rule() {
     check(r#", "image": {"size": 1}"#, &["image", "size", "`width`", "`height`"]);
     check(r#", "image": {"width": 0}"#, &["width", "1 to 32768"]);
     check(r#", "image": {"width": -1}"#, &["image.width", "-1"]);
-    check(r#", "mesh": {"file": "x"}"#, &["mesh", "one of `volume`, `mesh` and `points`"]);
+    check(r#", "mesh": {"file": "x"}"#, &["mesh", "one of `volume`, `mesh`, `points` and `gaussians`"]);
     check(r#", "points": 1"#, &["points", "1"]);
-    check(r#", "points": {"file": "x"}"#, &["points", "one of `volume`, `mesh` and `points`"]);
+    check(r#", "points": {"file": "x"}"#, &["points", "one of `volume`, `mesh`, `points` and `gaussians`"]);
     check(r#", "opaque": {}"#, &["opaque", "a sequence"]);
     check(",\n \"camera\": {\"eye\": [1,2]}", &["line 2", "camera.eye", "length 2"]);
     check(

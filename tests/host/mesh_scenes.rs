@@ -102,7 +102,11 @@ fn meshes_are_refused_by_place_and_rule() {
         "scene.json",
         &["mesh", "one of"],
     );
-    file(r#""background": [0,0,0,1]"#, "scene.json", &["missing", "`volume`, `mesh` or `points`"]);
+    file(
+        r#""background": [0,0,0,1]"#,
+        "scene.json",
+        &["missing", "`volume`, `mesh`, `points` or `gaussians`"],
+    );
 }
 
 #[test]

@@ -67,7 +67,7 @@ fn the_schema_has_the_keys_of_the_reader() {
         assert_eq!(keys, known, "{place}");
     }
     let places: Vec<&str> = found.iter().map(|(place, _)| place.as_str()).collect();
-    assert_eq!(places.len(), 15, "{places:?}");
+    assert_eq!(places.len(), 16, "{places:?}");
 }
 
 /// Values of an option that its schema allows, and one that it does not.
@@ -140,7 +140,9 @@ fn scenes_in(text: &str) -> Vec<Value> {
     let starts = text.match_indices('{').map(|(start, _)| &text[start..]);
     let parsed = starts.filter_map(|text| serde_json::Deserializer::from_str(text).into_iter().next()?.ok());
     parsed
-        .filter(|value: &Value| ["volume", "mesh", "points"].iter().any(|key| value[key].is_object()))
+        .filter(|value: &Value| {
+            ["volume", "mesh", "points", "gaussians"].iter().any(|key| value[key].is_object())
+        })
         .collect()
 }
 
@@ -175,7 +177,7 @@ fn the_schema_accepts_the_scenes_of_the_repository() {
 }
 
 /// Scenes that use every object, with data that fits into small memory.
-const SEEDS: [&str; 5] = [
+const SEEDS: [&str; 6] = [
     r#"{"$schema": "x", "volume": {"field": "ramp", "dims": [2, 3, 4], "type": "u8"}, "background": [0, 0, 0, 1],
         "transfer": [[0, 0, 0, 0, 0], [1, 1, 1, 1, 1]], "mode": "lit", "lighting": {"shininess": 2, "direction": [1, 0, 0]},
         "camera": {"eye": [3, 2, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_deg": 40}, "image": {"width": 8},
@@ -191,6 +193,7 @@ const SEEDS: [&str; 5] = [
         "least": 0.1}, "transfer": {"file": "knots.json"}}"#,
     r#"{"volume": {"file": "a.raw", "dims": [2, 2, 2], "type": "u8", "offset": 1},
         "transfer": {"isosurface": 3, "colour": [1, 1, 1]}}"#,
+    r#"{"gaussians": {"file": "a.splat", "axes": "Rdf", "turn_to": "rub"}, "image": {"width": 8}}"#,
 ];
 
 /// Places of all values in a document.
@@ -213,6 +216,7 @@ fn the_schema_accepts_what_the_reader_accepts() {
     let (schema, folder) = (schema(), Folder::new());
     folder.write("a.raw", [0, 1, 2, 3, 4, 5, 6, 7, 8]);
     folder.write("knots.json", "[[0, 0, 0, 0, 0], [1, 1, 1, 1, 1]]");
+    folder.write("a.splat", [64; 64]);
     let mut keyed = Vec::new();
     objects(&schema, "", &mut keyed);
     let mut words = BTreeSet::from(["", "?", "a.raw", "BIG", "Uint8", "2"]);
@@ -288,6 +292,12 @@ fn the_schema_refuses_broken_scenes() {
         r#"{"points": {"field": "ramp", "count": 9, "radius": 0}}"#.to_string(),
         r#"{"points": {"field": "ramp", "count": 9, "cut": 2}, "kernels": {}}"#.to_string(),
         with(r#""mesh": {"field": "ramp", "cubes": 1}"#),
+        with(r#""gaussians": {"file": "a.splat"}"#),
+        r#"{"gaussians": {"axes": "rdf"}}"#.to_string(),
+        r#"{"gaussians": {"file": "a.splat", "axes": "rrr"}}"#.to_string(),
+        r#"{"gaussians": {"file": "a.splat", "turn_to": "ruf"}}"#.to_string(),
+        r#"{"gaussians": {"file": "a.splat"}, "transfer": {"preset": "fog"}}"#.to_string(),
+        r#"{"gaussians": {"file": "a.splat"}, "kernels": {}}"#.to_string(),
         with(r#""light": 1"#),
         with(r#""kernels": {"cut": 7}"#),
         with(r#""kernels": {"model": "sum"}"#),
@@ -421,6 +431,7 @@ fn the_examples_of_the_page_load() {
     write_vtu(folder.path("flow.vtu"), &Data::Mesh(Field::Blobs.tets(2).unwrap()), "speed").unwrap();
     folder.write("samples.raw", [7; 64 * 64 * 40 * 2]);
     folder.write("stars.csv", "x,y,z,mass,size\n0,0,0,1,0.5\n1,0,0,2,0.5\n0,1,1,3,0.25\n");
+    folder.write("garden.spz", minimal_spz());
     folder.write("skull.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let page = read(PAGE);
     let examples: Vec<&str> =
@@ -430,4 +441,11 @@ fn the_examples_of_the_page_load() {
         folder.scene(example).unwrap_or_else(|error| panic!("{example}: {error}"));
         assert!(is_accepted(&folder.path("scene.json"), &OPTIONS), "{example}");
     }
+}
+
+/// A file of one splat, of version 2.
+fn minimal_spz() -> Vec<u8> {
+    let mut bytes = b"NGSP\x02\0\0\0\x01\0\0\0\0\x0c\0\0".to_vec();
+    bytes.extend([1; 19]);
+    crate::formats::support::gzip(&bytes)
 }

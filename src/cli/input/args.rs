@@ -5,8 +5,8 @@ use std::sync::Arc;
 use volraster::choice::Goal;
 use volraster::gpu::{GpuOptions, Validation, ValidationLog};
 use volraster::io::ReadOptions;
-use volraster::scene::View;
-use volraster::{Gpu, Result};
+use volraster::scene::{Axes, StoredAxes, View};
+use volraster::{Error, Gpu, Result};
 
 use super::technique::Request;
 
@@ -126,30 +126,68 @@ pub(crate) struct ArraysArgs {
     /// order of the numbers in their names.
     #[arg(long, value_name = "N")]
     step: Option<u32>,
+    #[command(flatten)]
+    axes: AxesArgs,
+}
+
+/// The axes of Gaussian splats. They override those of a scene file.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct AxesArgs {
+    /// For Gaussian splats: what x, y and z of the file point to, whatever it says: r right, l left, u up, d down, f
+    /// front, b back.
+    #[arg(long, value_name = "XYZ, such as rdf", value_parser = axes)]
+    stored_axes: Option<StoredAxes>,
+    /// For Gaussian splats: turn them to these axes, with their colours.
+    #[arg(long, value_name = "XYZ, such as rub", value_parser = |text: &str| axes(text)?.right_handed().map_err(why))]
+    turn_to: Option<Axes>,
+}
+
+impl AxesArgs {
+    /// Returns options of readers with these axes.
+    pub(crate) fn over(&self, options: ReadOptions) -> ReadOptions {
+        ReadOptions { axes: self.stored_axes, turn_to: self.turn_to, ..options }
+    }
+}
+
+/// Parses three letters.
+fn axes(text: &str) -> std::result::Result<StoredAxes, String> {
+    Axes::named(text).map_err(why)
+}
+
+fn why(error: Error) -> String {
+    match error {
+        Error::Invalid { why, .. } => why,
+        other => other.to_string(),
+    }
 }
 
 impl ArraysArgs {
     /// Returns the options for readers.
     pub(crate) fn options(&self) -> ReadOptions {
-        ReadOptions {
+        self.axes.over(ReadOptions {
             radius: self.radius.clone(),
             covariance: self.covariance.clone(),
             weight: self.weight.clone(),
             array: self.array.clone(),
             step: self.step,
             ..ReadOptions::default()
-        }
+        })
     }
 
-    /// Returns the arrays given, with the names of their options.
-    pub(crate) fn given(&self) -> impl Iterator<Item = (&'static str, &str)> {
+    /// Returns the arrays and axes given, with their keys in scene files.
+    pub(crate) fn given(&self) -> impl Iterator<Item = (&'static str, String)> {
         let all = [
             ("array", &self.array),
             ("radius", &self.radius),
             ("covariance", &self.covariance),
             ("weight", &self.weight),
         ];
-        all.into_iter().filter_map(|(name, array)| Some((name, array.as_deref()?)))
+        let axes = [
+            ("axes", self.axes.stored_axes.map(StoredAxes::name)),
+            ("turn_to", self.axes.turn_to.map(|axes| axes.name().to_string())),
+        ];
+        let arrays = all.into_iter().map(|(name, array)| (name, array.clone()));
+        arrays.chain(axes).filter_map(|(name, text)| Some((name, text?)))
     }
 }
 

@@ -1,6 +1,7 @@
 //! What to show of the data.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use volraster::io::Data;
 use volraster::io::scene_file::{PRESETS, Preset};
 use volraster::scene::auto::Side;
 use volraster::scene::{ColourMap, Lighting, Mode, Opacity, Scene, TransferFunction, auto};
@@ -151,6 +152,23 @@ impl LookArgs {
     /// Returns the transfer function if it differs from the scene's: a base, stretched, with another extinction, other colours, and scaled.
     fn transfer(&self, scene: &Scene, is_automatic: bool) -> Result<Option<TransferFunction>> {
         let (data, kernels) = (&scene.data, scene.kernels.as_ref());
+        if let Data::Gaussians(_) = data {
+            let given = [
+                ("isosurface", self.isosurface.is_some()),
+                ("preset", self.preset.is_some()),
+                ("range", self.range.is_some()),
+                ("opacity", self.opacity.is_some()),
+                ("colormap", self.colormap.is_some()),
+                ("scale", self.scale.is_some()),
+            ];
+            return match given.into_iter().find(|(_, given)| *given) {
+                None => Ok(None),
+                Some((name, _)) => {
+                    let why = "gaussians have colours of their own, and no transfer function".to_string();
+                    Err(Error::Invalid { what: format!("--{name}"), why })
+                }
+            };
+        }
         let fitted = |transfer: &TransferFunction| auto::fitted(data, kernels, transfer, auto::DEPTH);
         let mut changed = None;
         if let Some(s) = self.isosurface {

@@ -64,7 +64,7 @@ fn look(scene: &Scene, view: &View, background: [f64; 4]) -> Map<String, Value> 
     let [width, height] = view.extent();
     Map::from_iter(
         [
-            ("transfer", json!(rows(&scene.transfer))),
+            ("transfer", json!(scene.gaussians().is_none().then(|| rows(&scene.transfer)))),
             ("mode", json!((scene.mode != Mode::Emission).then(|| scene.mode.name()))),
             ("lighting", lighting),
             ("camera", json!({"eye": eye, "target": target, "up": up, key: value})),

@@ -12,6 +12,7 @@ use serde_json::{Map, Value, json};
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::SceneData;
+use crate::io::scene_file::gaussians::GaussiansSpec;
 use crate::io::scene_file::kernels::{KernelsSpec, Kind};
 use crate::io::scene_file::mesh::MeshSpec;
 use crate::io::scene_file::mode::LightingSpec;
@@ -23,15 +24,16 @@ use crate::io::scene_file::transfer::TransferSpec;
 use crate::io::scene_file::volume::VolumeSpec;
 use crate::scene::{Camera, Clip, Kernels, Lighting, Mode, Projection, View};
 
-/// A scene of volraster: the data, and how it is drawn. It has exactly one of `volume`, `mesh` and `points`.
+/// A scene of volraster: the data, and how it is drawn. It has exactly one of `volume`, `mesh`, `points` and `gaussians`.
 #[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, expecting = "a scene: an object with `volume`, `mesh` or `points`")]
+#[serde(deny_unknown_fields, expecting = "a scene: an object with `volume`, `mesh`, `points` or `gaussians`")]
 #[schemars(title = "Scene file of volraster", transform = rules([
-    one_of(&["volume", "mesh", "points"]),
+    one_of(&["volume", "mesh", "points", "gaussians"]),
     with("lighting", only("mode", [Mode::Lit(Lighting::default()).name()])),
     with("kernels", json!({"properties": {"points": lacks(&KernelsSpec::OF_POINTS)}})),
     with("mesh", json!({"properties": {"kernels": KernelsSpec::not_on_a_grid()}})),
     with("points", json!({"properties": {"kernels": KernelsSpec::not_on_a_grid()}})),
+    with("gaussians", lacks(&["kernels", "transfer", "lighting"])),
 ]))]
 pub(crate) struct Document {
     /// Names the schema of the file, for editors; the reader ignores it.
@@ -43,6 +45,8 @@ pub(crate) struct Document {
     pub(crate) mesh: Option<MeshSpec>,
     /// Selects points: a data file, or an analytic field at random places.
     pub(crate) points: Option<PointsSpec>,
+    /// Selects trained Gaussian splats, which have colours of their own: without `transfer`, `kernels` and `lighting`.
+    pub(crate) gaussians: Option<GaussiansSpec>,
     /// Replaces the linear field between samples by a sum of kernels.
     pub(crate) kernels: Option<KernelsSpec>,
     /// Sets colour and extinction of each scalar. Left out: chosen by the distribution of the scalars.
@@ -85,18 +89,21 @@ impl Document {
 
     /// Takes the description of the data, which must be of one kind.
     pub(crate) fn data(&mut self, path: &Path) -> Result<DataSpec> {
-        match (self.volume.take(), self.mesh.take(), self.points.take()) {
-            (Some(volume), None, None) => Ok(DataSpec::Volume(Box::new(volume))),
-            (None, Some(mesh), None) => Ok(DataSpec::Mesh(mesh)),
-            (None, None, Some(points)) => Ok(DataSpec::Points(points)),
-            (None, None, None) => {
-                let rule = "missing: a scene needs data, in `volume`, `mesh` or `points`";
-                Err(Error::file(path, "volume", rule))
-            }
-            (_, _, points) => {
-                let second = if points.is_some() { "points" } else { "mesh" };
-                Err(Error::file(path, second, "a scene has one of `volume`, `mesh` and `points`"))
-            }
+        const RULE: &str = "a scene has one of `volume`, `mesh`, `points` and `gaussians`";
+        let all = [
+            ("volume", self.volume.take().map(|volume| DataSpec::Volume(Box::new(volume)))),
+            ("mesh", self.mesh.take().map(DataSpec::Mesh)),
+            ("points", self.points.take().map(DataSpec::Points)),
+            ("gaussians", self.gaussians.take().map(DataSpec::Gaussians)),
+        ];
+        let mut given = all.into_iter().filter_map(|(key, spec)| Some((key, spec?)));
+        let Some((_, first)) = given.next() else {
+            let rule = "missing: a scene needs data, in `volume`, `mesh`, `points` or `gaussians`";
+            return Err(Error::file(path, "volume", rule));
+        };
+        match given.next_back() {
+            Some((key, _)) => Err(Error::file(path, key, RULE)),
+            None => Ok(first),
         }
     }
 }
@@ -120,6 +127,7 @@ pub(crate) enum DataSpec {
     Volume(Box<VolumeSpec>),
     Mesh(MeshSpec),
     Points(PointsSpec),
+    Gaussians(GaussiansSpec),
 }
 
 impl DataSpec {
@@ -136,6 +144,10 @@ impl DataSpec {
                 }
                 (None, _) => Kind::Points,
             },
+            Self::Gaussians(_) if spec.is_some() => {
+                return Err(Error::file(path, "kernels", "gaussians are kernels of their own"));
+            }
+            Self::Gaussians(_) => return Ok(None),
         };
         spec.map(|spec| spec.check(path, "kernels", kind)).transpose()
     }
@@ -146,7 +158,9 @@ impl DataSpec {
             Self::Volume(volume) => volume.load(path, options)?,
             Self::Mesh(mesh) => mesh.load(path, options)?,
             Self::Points(points) => points.load(path, options)?,
+            Self::Gaussians(gaussians) => gaussians.load(path, options)?,
         };
+        options.check_axes(path, &data.data)?;
         match options.step {
             Some(step) if data.report.steps.is_empty() => {
                 Err(Error::file(path, format!("step {step}"), "its data is no series of time steps"))

@@ -11,7 +11,7 @@ use crate::io::options::ReadOptions;
 use crate::io::read_data;
 use crate::io::report::{Loaded, Report};
 use crate::io::scene_file::data::SceneData;
-use crate::io::scene_file::document::{Document, ImageSpec};
+use crate::io::scene_file::document::{DataSpec, Document, ImageSpec};
 use crate::io::scene_file::technique::TechniqueChoice;
 use crate::io::scene_file::transfer::Recipe;
 use crate::io::scene_file::{mode, surfaces};
@@ -198,6 +198,13 @@ impl SceneFile {
             if !valid {
                 let rule = "must be four numbers that are not negative, alpha at most 1";
                 return Err(Error::file(path, "background", rule));
+            }
+        }
+        if matches!(source, DataSpec::Gaussians(_)) {
+            let given =
+                [("transfer", document.transfer.is_some()), ("lighting", document.lighting.is_some())];
+            if let Some((key, _)) = given.into_iter().find(|(_, given)| *given) {
+                return Err(Error::file(path, key, "gaussians have colours of their own"));
             }
         }
         // The cheap parts are checked before the data is read.

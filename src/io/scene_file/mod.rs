@@ -6,6 +6,7 @@
 
 mod data;
 mod document;
+mod gaussians;
 mod kernels;
 mod load;
 mod mesh;

@@ -158,7 +158,7 @@ impl Args {
     fn suite_workloads(&self, quiet: bool) -> Result<Vec<Workload>> {
         if let Some(suite) = self.known_suite() {
             if let Some((option, array)) = self.arrays.given().next() {
-                let why = format!("\"{array}\": the scenes of {} have no arrays", suite.name);
+                let why = format!("\"{array}\": the scenes of {} come from no file", suite.name);
                 return Err(invalid(&format!("--{option}"), why));
             }
             return Ok(suite.scenes().map(|scene| Workload::Standard(suite, scene)).collect());

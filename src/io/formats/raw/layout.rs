@@ -80,7 +80,7 @@ impl Sidecar {
         let rule = || {
             format!(
                 "no layout of raw samples, which is an object of at most {MAX_JSON} bytes with `dims` and `type` and \
-                 without `volume`, `mesh` and `points`"
+                 without `volume`, `mesh`, `points` and `gaussians`"
             )
         };
         Self::parse(source)?.ok_or_else(|| source.error("content", rule()))
@@ -124,9 +124,11 @@ pub(crate) fn is_sidecar(source: &Source) -> bool {
         volume: Option<IgnoredAny>,
         mesh: Option<IgnoredAny>,
         points: Option<IgnoredAny>,
+        gaussians: Option<IgnoredAny>,
     }
     let fits = |keys: Keys| {
-        keys.dims.is_some() && keys.volume.is_none() && keys.mesh.is_none() && keys.points.is_none()
+        let data = [&keys.volume, &keys.mesh, &keys.points, &keys.gaussians];
+        keys.dims.is_some() && data.into_iter().all(Option::is_none)
     };
     source.len() <= MAX_JSON
         && source.bytes(0, source.len()).is_ok_and(|bytes| serde_json::from_slice(&bytes).is_ok_and(fits))

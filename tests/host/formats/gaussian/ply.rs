@@ -204,7 +204,7 @@ fn points_are_no_splats_and_splats_are_points_where_arrays_are_named() {
     let axes = ReadOptions { axes: Some(Axes::Rub.into()), ..OPTIONS };
     let refusal =
         Sample::one("points", "a.ply", file_of(Encoding::Little, &plain, "")).read(&axes).unwrap_err();
-    assert_refusal(&refusal, &["axes", "this is a points"], "axes of points");
+    assert_refusal(&refusal, &["axes", "only gaussians have axes to name"], "axes of points");
 }
 
 #[test]
