@@ -114,7 +114,7 @@ impl Facts {
     }
 
     /// Adds the bounding box.
-    fn bounds(&mut self, [low, high]: [DVec3; 2]) {
+    pub(super) fn bounds(&mut self, [low, high]: [DVec3; 2]) {
         self.put(json!({"bounds": [low.to_array(), high.to_array()]}));
         self.line("bounds", format!("{} to {}", triple(low), triple(high)));
     }
@@ -147,7 +147,7 @@ impl Facts {
     }
 
     /// Adds a lower bound of the device memory of a mesh or of points.
-    fn geometry(&mut self, bytes: usize) {
+    pub(super) fn geometry(&mut self, bytes: usize) {
         self.put(json!({"device_bytes": {"geometry": bytes}}));
         self.line("on device", format!("{bytes} bytes at least (geometry and scalars in 32 bits)"));
     }

@@ -1,9 +1,10 @@
 //! `volraster info`: describes a file as text or JSON.
 //!
-//! `facts` collects what is reported; `data` and `scene` add to it.
+//! `facts` collects what is reported; `data`, `gaussians` and `scene` add to it.
 
 mod data;
 mod facts;
+mod gaussians;
 mod scene;
 
 use std::path::PathBuf;
@@ -55,6 +56,7 @@ impl Args {
             Data::Grid(grid) => facts.of_grid(grid, &settings.report),
             Data::Mesh(mesh) => facts.of_mesh(mesh, &settings.report),
             Data::Points(points) => facts.of_points(points, &settings.report),
+            Data::Gaussians(splats) => facts.of_gaussians(&scene, splats, &settings.report)?,
             other => {
                 let why = format!("{}: unknown", other.kind());
                 return Err(Error::Invalid { what: "data".into(), why });
@@ -65,7 +67,9 @@ impl Args {
         }
         facts.remarks(&settings.report);
         facts.camera(settings.view.camera(), settings.camera_is_automatic);
-        facts.transfer(&scene.transfer, settings.transfer_is_automatic);
+        if scene.gaussians().is_none() {
+            facts.transfer(&scene.transfer, settings.transfer_is_automatic);
+        }
         facts.mode(scene.mode);
         let extent @ [width, height] = settings.view.extent();
         facts.put(json!({"image": extent, "background": settings.background}));
