@@ -34,6 +34,7 @@ pub use options::{Progress, ReadOptions};
 pub use read_data::{read, read_arrays, read_arrays_memory, read_grid, read_memory};
 pub use registry::known_formats;
 pub use report::{GaussiansReport, Loaded, Report, Step};
+pub use write::gaussian::{GaussiansOutput, write_gaussians};
 pub use write::nrrd::write_nrrd;
 pub use write::vtk::write_vtu;
 pub use write::{OutputFormat, check_writable, write_arrays, write_text};

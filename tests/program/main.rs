@@ -19,6 +19,7 @@ mod cli;
 mod dependant;
 mod examples;
 mod films;
+mod gaussians;
 mod reports;
 mod selftest;
 mod splat_program;

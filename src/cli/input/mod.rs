@@ -8,7 +8,7 @@ mod scene;
 mod scene_file;
 mod technique;
 
-pub(crate) use args::{ArraysArgs, ChoiceArgs, DeviceArgs, Size, finite, positive};
+pub(crate) use args::{ArraysArgs, AxesArgs, ChoiceArgs, DeviceArgs, Size, finite, positive};
 pub(crate) use look::LookArgs;
 pub(crate) use scene::{Input, Settings, drawn};
 #[cfg(any(test, feature = "window"))]

@@ -44,8 +44,9 @@ impl Reader for Ply {
         let mut budget = Budget::new(source, request);
         let mut scanner = Scanner::new(source);
         let header = Header::read(&mut scanner)?;
-        // Whoever names arrays, or copies them, wants points.
-        let for_scene = request.wanted == Wanted::Scene && request.selected().is_none();
+        // Whoever names arrays, or copies them, wants points; axes are those of splats.
+        let has_axes = request.axes.is_some() || request.turn_to.is_some();
+        let for_scene = (request.wanted == Wanted::Scene || has_axes) && request.selected().is_none();
         if let Some(form) = gaussian::ply::form(&header)
             && (for_scene || form == gaussian::ply::Form::Packed)
         {

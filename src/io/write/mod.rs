@@ -1,7 +1,8 @@
-//! Writers of data: VTK XML, NRRD, NIfTI-1; and of text.
+//! Writers of data: VTK XML, NRRD, NIfTI-1, formats of Gaussian splats; and of text.
 //!
 //! They use `build` and `replace`; the program uses them, to convert files and to write reports.
 
+pub(crate) mod gaussian;
 mod nifti;
 pub(crate) mod nrrd;
 pub(crate) mod vtk;
@@ -30,6 +31,12 @@ pub enum OutputFormat {
         /// Whether the file is a gzip stream.
         packed: bool,
     },
+    /// Gaussian splats as float32.
+    GaussianPly,
+    /// Gaussian splats in chunks of 256, in words of 32 bits.
+    CompressedPly,
+    /// Gaussian splats, quantised and packed.
+    Spz,
 }
 
 impl OutputFormat {
@@ -48,12 +55,22 @@ impl OutputFormat {
             (".nrrd", Self::Nrrd),
             (".nii", Self::Nifti { packed: false }),
             (".nii.gz", Self::Nifti { packed: true }),
+            (".compressed.ply", Self::CompressedPly),
+            (".ply", Self::GaussianPly),
+            (".spz", Self::Spz),
         ];
         let found = known.into_iter().find(|(ending, _)| name.ends_with(ending));
         found.map(|(_, format)| format).ok_or_else(|| {
-            let rule = "must end in .vti, .nrrd, .nii or .nii.gz (grids), .vtr (uneven grids) or .vtu (meshes and points)";
+            let rule = "must end in .vti, .nrrd, .nii or .nii.gz (grids), .vtr (uneven grids), .vtu (meshes and points), or .ply, \
+                        .compressed.ply or .spz (gaussians)";
             Error::file(path, "file name", rule)
         })
+    }
+
+    /// Whether a file holds Gaussian splats.
+    #[must_use]
+    pub fn holds_gaussians(self) -> bool {
+        matches!(self, Self::GaussianPly | Self::CompressedPly | Self::Spz)
     }
 
     /// Whether a file holds one array only.
@@ -75,9 +92,9 @@ pub fn write_arrays(path: impl AsRef<Path>, data: DataFile) -> Result<Vec<String
     let format = OutputFormat::of(path)?;
     let (holds, endings) = match &data.shape {
         Shape::Even(Lattice { listed: None, .. }) => {
-            (!matches!(format, OutputFormat::Vtr | OutputFormat::Vtu), GRIDS)
+            (format == OutputFormat::Vti || format.holds_one_array(), GRIDS)
         }
-        Shape::Even(_) => (format != OutputFormat::Vtu, GRIDS),
+        Shape::Even(_) => (format != OutputFormat::Vtu && !format.holds_gaussians(), GRIDS),
         Shape::Uneven(_) => (format == OutputFormat::Vtr, ".vtr"),
         Shape::Cells(_) => (format == OutputFormat::Vtu, ".vtu"),
     };
@@ -94,6 +111,9 @@ pub fn write_arrays(path: impl AsRef<Path>, data: DataFile) -> Result<Vec<String
         }
         OutputFormat::Nrrd => nrrd::write(path, data).map(|note| note.into_iter().collect()),
         OutputFormat::Nifti { packed } => nifti::write(path, data, packed),
+        OutputFormat::GaussianPly | OutputFormat::CompressedPly | OutputFormat::Spz => {
+            Err(Error::file(path, "file name", "is that of gaussians: the data are arrays"))
+        }
     }
 }
 

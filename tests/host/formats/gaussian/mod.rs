@@ -5,6 +5,7 @@ pub mod ply;
 mod real;
 pub mod splat;
 pub mod spz;
+mod write;
 
 use volraster::glam::DVec3;
 use volraster::scene::{Gaussians, harmonics};
