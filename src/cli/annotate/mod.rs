@@ -8,7 +8,7 @@ mod ink;
 use tiny_skia::Mask;
 use volraster::glam::{DVec2, DVec3};
 use volraster::scene::{Anatomy, Data, Scene, TransferFunction, View};
-use volraster::{Image, Result};
+use volraster::{Error, Image, Result};
 
 use self::ink::{Align, Ink, Letters, blend};
 use crate::cli::plot::nice_step;
@@ -53,6 +53,10 @@ impl AnnotationArgs {
         let Self { bar, edges, axes, caption } = self;
         if bar.is_none() && caption.is_none() && !edges && !axes {
             return Ok(None);
+        }
+        if bar.is_some() && scene.gaussians().is_some() {
+            let why = "gaussians have no scalars to show".to_string();
+            return Err(Error::Invalid { what: "--bar".to_string(), why });
         }
         let bar = bar.as_ref().map(|title| {
             let title = if title.is_empty() { array } else { title };

@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn coordinates_have_a_sign_and_a_point() {
+    fn coordinates_have_a_sign_and_a_point_and_quaternions_a_last_part() {
         let source = crate::io::file::source::Source::in_memory(&[("a", b"")]).unwrap();
         let options = crate::io::options::ReadOptions::default();
         let mut budget = crate::io::file::budget::Budget::new(&source, &options);
@@ -154,5 +154,10 @@ mod tests {
         let halves = [0x00, 0x3c, 0x00, 0xc0, 0x00, 0x38];
         Coding { version: 1, ..coding }.decode(Block::Positions, &halves, &mut columns, 0);
         assert_eq!(columns.parts.centres[0], [1.0, -2.0, 0.5]);
+        // The last part of a quaternion of version 2 follows from the others: 0.36, 0.48, 0 leave 0.8.
+        Coding { version: 2, ..coding }.decode(Block::Rotations, &[173, 189, 128], &mut columns, 0);
+        let expected = [0.8, 0.36, 0.48, 0.0];
+        let found = columns.parts.rotations[0];
+        assert!(found.iter().zip(expected).all(|(a, b): (&f32, f32)| (a - b).abs() < 0.005), "{found:?}");
     }
 }
