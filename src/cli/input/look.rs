@@ -38,8 +38,8 @@ pub(crate) struct LookArgs {
     /// Put light on the data: `--mode lit`.
     #[arg(long, conflicts_with = "mode")]
     shade: bool,
-    /// Look from this side: the patient's where the file tells, else the front is -y and up +z; or from so many
-    /// degrees to the right of the front and upwards. Overrides the camera.
+    /// Look from this side: the patient's where the file tells, that of the axes of Gaussian splats, else the front is -y
+    /// and up +z; or from so many degrees to the right of the front and upwards. Overrides the camera.
     #[arg(long, value_name = "front|back|left|right|top|bottom|iso|AZ,EL", allow_hyphen_values = true, value_parser = side)]
     view: Option<Side>,
     /// Show things this many times as large.

@@ -209,9 +209,9 @@ impl Header {
         let mut offset = entries;
         for (block, [packed, plain]) in blocks.into_iter().zip(sizes) {
             let damaged = |error: String| source.error(format!("stream of {}", block.name()), error);
-            let stored = source.reader(offset, Encoding::Raw).take(packed);
+            let mut stored = source.reader(offset, Encoding::Raw).take(packed);
             let window = plain.next_power_of_two().max(WINDOW.min(budget.left()));
-            let stream = StreamingDecoder::new_with_max_window_size(stored, window)
+            let stream = StreamingDecoder::new_with_max_window_size(&mut stored, window)
                 .map_err(|error| damaged(format!("no zstd stream: {error}")))?;
             let mut scanner = Scanner::of(source, std::io::BufReader::new(stream), plain);
             let done = rows(&mut scanner, count, coding.width(block), &mut |i, row| {
@@ -221,6 +221,10 @@ impl Header {
                 [] => Ok(()),
                 _ => Err(damaged("is longer than the table says".to_owned())),
             })?;
+            drop(scanner);
+            if stored.limit() > 0 {
+                return Err(damaged(format!("{} bytes follow its end", stored.limit())));
+            }
             offset = offset.saturating_add(packed);
         }
         Ok((columns, extensions))

@@ -194,6 +194,11 @@ fn headers_that_lie_are_refused() {
     new(40, 28, &["28 bytes of positions: 3 splats have 27"]);
     new(32 + 6 * 16, 0, &["stream of positions", "no zstd stream"]);
     new(8, 4, &["bytes of positions: 4 splats have 36"]);
+    // A byte behind the end of the last stream, which the table counts.
+    let mut behind = whole.clone();
+    behind.push(0);
+    behind[32 + 16 * 5] += 1;
+    Sample::one("behind", "a.spz", behind).refused(&["stream of harmonics", "1 bytes follow its end"]);
     let mut long = whole.clone();
     long.push(0);
     Sample::one("long", "a.spz", long).refused(&["do not end with the file"]);
