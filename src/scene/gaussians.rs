@@ -4,6 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3};
+use rayon::prelude::*;
 
 use super::axes::Axes;
 use super::harmonics::{self, Rotation};
@@ -207,12 +208,14 @@ impl Gaussians {
 
     /// Computes both bounds.
     fn bounded(mut self) -> Self {
-        let bounds = |extent: &dyn Fn(usize) -> DVec3| {
-            let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-            (0..self.len()).fold(none, |[low, high], i| {
+        let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let joined = |[a, b]: [DVec3; 2], [c, d]: [DVec3; 2]| [a.min(c), b.max(d)];
+        let bounds = |extent: &(dyn Fn(usize) -> DVec3 + Sync)| {
+            let all = (0..self.len()).into_par_iter().map(|i| {
                 let (centre, extent) = (self.centre(i), extent(i));
-                [low.min(centre - extent), high.max(centre + extent)]
-            })
+                [centre - extent, centre + extent]
+            });
+            all.reduce(|| none, joined)
         };
         let (centres, reach) = (bounds(&|_| DVec3::ZERO), bounds(&|i| 3.0 * self.deviations(i)));
         (self.bounds, self.reach) = (centres, reach);

@@ -94,6 +94,40 @@ fn words_are_unpacked_within_the_ranges_of_their_chunk() {
 }
 
 #[test]
+fn elements_may_come_in_any_order() {
+    let (count, bytes) = (5, file(5, true, 9));
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap();
+    let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
+    let [chunk, vertex, sh] =
+        ["element chunk", "element vertex", "element sh"].map(|name| header.find(name).unwrap());
+    let mut rest = &bytes[end + 11..];
+    let mut next = |size: usize| {
+        let (part, left) = rest.split_at(size);
+        rest = left;
+        part
+    };
+    let [ranges, words, coefficients] = [18 * 4, 16 * count, 9 * count].map(&mut next);
+    let camera = "element camera 2\nproperty uchar a\nproperty list uchar short b\n";
+    let turned = [
+        header[..chunk].as_bytes(),
+        header[sh..].as_bytes(),
+        camera.as_bytes(),
+        header[vertex..sh].as_bytes(),
+        header[chunk..vertex].as_bytes(),
+        b"end_header\n",
+        coefficients,
+        &[7, 1, 0, 0, 7, 0],
+        words,
+        ranges,
+    ];
+    let loaded = Sample::one("other order", "a.ply", turned.concat()).loaded();
+    assert_eq!(loaded.report.notes, ["2 elements \"camera\" left out"]);
+    let (made, usual) = (gaussians(loaded), gaussians(Sample::one("usual order", "a.ply", bytes).loaded()));
+    assert_eq!((made.centres(), made.harmonics()), (usual.centres(), usual.harmonics()));
+    assert_eq!(made.rotations(), usual.rotations());
+}
+
+#[test]
 fn counts_and_properties_must_fit() {
     let text = |from: &str, to: &str| {
         let bytes = file(3, true, 9);
