@@ -109,11 +109,11 @@ fn elements_may_come_in_any_order() {
     let [ranges, words, coefficients] = [18 * 4, 16 * count, 9 * count].map(&mut next);
     let camera = "element camera 2\nproperty uchar a\nproperty list uchar short b\n";
     let turned = [
-        header[..chunk].as_bytes(),
-        header[sh..].as_bytes(),
+        &header.as_bytes()[..chunk],
+        &header.as_bytes()[sh..],
         camera.as_bytes(),
-        header[vertex..sh].as_bytes(),
-        header[chunk..vertex].as_bytes(),
+        &header.as_bytes()[vertex..sh],
+        &header.as_bytes()[chunk..vertex],
         b"end_header\n",
         coefficients,
         &[7, 1, 0, 0, 7, 0],
