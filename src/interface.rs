@@ -227,6 +227,7 @@ pub(crate) struct TrainedPush {
     pub(crate) down: [f32; 4],
     pub(crate) forward: [f32; 4],
     pub(crate) eye: [f32; 4],
+    pub(crate) middle: [f32; 4],
     pub(crate) half_extent: [f32; 2],
     pub(crate) slopes: [f32; 2],
     pub(crate) scale_low: f32,

@@ -19,7 +19,7 @@
 //     L'L = Z² Gram(diag(s) U (c × e)) / (F² |K c|²),   b = K c · K e Z / (F |K c|²),   C = Gram(K e) Z² / (F² |K c|²),
 //
 // for e = the view's x and y axes, c the centre from the eye, F the focal length in pixels. The depth of the nearest point is
-// Z (1 + b·d) / (1 + 2 b·d + d' C d).
+// Z (1 + b·d) / (1 + 2 b·d + d' C d), which is Z less Z (b·d + d' C d) / (1 + 2 b·d + d' C d).
 //
 // Sources: Zwicker et al. 2001 (affine image); Kerbl et al. 2023; Yu et al. 2024; KHR_gaussian_splatting.
 #version 460
@@ -38,6 +38,7 @@ layout(push_constant) uniform TrainedPush {
     vec4 down;
     vec4 forward;
     vec4 eye;         // rounded; w: focal length in pixels, for parallel lines pixels in a unit of length
+    vec4 middle;      // of all centres: depths are told from there, as splats near each other differ by less than they are far
     vec2 half_extent; // of the image, pixels
     vec2 slopes;      // limits of x / z and y / z in the affine image
     float scale_low;  // logarithm to base 2 of the shortest length, and of a step of its code
@@ -63,6 +64,8 @@ const float CUT = 9.0;               // squared distance at which splats end
 struct Trained {
     vec3 centre;  // from the eye, in the axes of the view
     vec3 seen;    // direction from the eye, in those of the data
+    float depth;  // from the plane through the middle of all
+    float beyond; // distance from the eye, less that of the middle
     vec3 lengths;
     mat3 rotation; // columns: own axes in the data's
     float opacity;
@@ -94,6 +97,9 @@ Trained trained(uint i) {
     Trained splat;
     vec3 relative = uintBitsToFloat(a.xyz) - push.eye.xyz;
     splat.centre = vec3(dot(push.right.xyz, relative) + push.right.w, dot(push.down.xyz, relative) + push.down.w, dot(push.forward.xyz, relative) + push.forward.w);
+    vec3 from_middle = uintBitsToFloat(a.xyz) - push.middle.xyz, middle = push.middle.xyz - push.eye.xyz;
+    splat.depth = dot(push.forward.xyz, from_middle);
+    splat.beyond = dot(from_middle, relative + middle) / max(length(relative) + length(middle), 1e-30);
     splat.seen = push.perspective != 0u ? relative / max(length(relative), 1e-30) : push.forward.xyz;
     splat.lengths = vec3(length_of(a.w & 0xffffu), length_of(a.w >> 16), length_of(b.x & 0xffffu));
     splat.opacity = unsigned16(b.x >> 16);
@@ -184,7 +190,7 @@ Drawn by_image(Trained splat) {
     drawn.box = vec4(0.0);
     drawn.end = HALF_LOG2E * CUT;
     drawn.opacity = splat.opacity;
-    drawn.depth = z;
+    drawn.depth = splat.depth;
     drawn.reach = 0.0;
     if ((perspective && z <= 0.2) || !(det > 0.0) || det > 1e37) return drawn;
     drawn.l = vec3(sqrt(yy / det) * vec2(1.0, -xy / yy), inversesqrt(yy)) * sqrt(HALF_LOG2E);
@@ -237,7 +243,7 @@ Drawn by_rays(Trained splat) {
     drawn.c = vec3(dot(kx, kx), dot(kx, ky), dot(ky, ky)) * (turn * unit);
     drawn.end = 0.0;
     drawn.opacity = splat.opacity;
-    drawn.depth = z;
+    drawn.depth = splat.depth;
     mat3 root = mat3(splat.rotation[0] * splat.lengths.x, splat.rotation[1] * splat.lengths.y, splat.rotation[2] * splat.lengths.z);
     vec3 right = 3.0 * (push.right.xyz * root), down = 3.0 * (push.down.xyz * root), ahead = 3.0 * (push.forward.xyz * root);
     float depth = z * z - dot(ahead, ahead);
@@ -267,7 +273,7 @@ void main() {
     boxes[i] = box;
     order[i] = i;
     // By pixels: splats whose centres are as deep, and those of great reach earlier by what others have not.
-    float key = ORDER == ORDER_DISTANCES && push.perspective != 0u ? length(splat.centre) : drawn.depth;
+    float key = ORDER == ORDER_DISTANCES && push.perspective != 0u ? splat.beyond : drawn.depth;
     if (ORDER == ORDER_PIXELS) key -= max(drawn.reach - push.reach, 0.0);
     sort_keys[i] = there ? float_key(key) : 0xffffffffu;
     if (!there) return;

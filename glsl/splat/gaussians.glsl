@@ -44,7 +44,7 @@ const float MOST_OPACITY = 0.99, LEAST_LEFT = 1e-4;
 // A splat as a pixel meets it.
 struct Met {
     float bits;  // half the squared distance, to base 2
-    float depth; // of the nearest point of the pixel's line
+    float depth; // of the nearest point of the pixel's line, from the plane through the middle of all splats
     bool there;  // whether it is drawn
 };
 
@@ -56,7 +56,7 @@ Met meet(vec2 d, vec4 record0, vec4 record1, float turn_x, vec4 record3, vec2 dr
         float turn = turn_x * d.x + record3.w * d.y, bend = d.x * fma(record3.x, d.x, 2.0 * record3.y * d.y) + record3.z * d.y * d.y;
         float inverse = 1.0 / max(1.0 + 2.0 * turn + bend, 1e-30);
         met.bits *= inverse;
-        met.depth *= (1.0 + turn) * inverse;
+        met.depth -= (record1.w + push.h) * (turn + bend) * inverse;
         met.there = met.depth > drawn.x && met.depth < drawn.y;
     }
     met.there = met.there && met.bits <= (RAYS ? CUT_BITS : record1.z);
@@ -89,7 +89,7 @@ void main() {
     // BY_PIXEL: rows that are opaque and lie behind nothing that follows, or are listed; bit by bit.
     uint ended = 0u;
 #define BEGIN(r) { \
-        drawn[r] = drawn_depths(origin + uvec2(0, r)) + push.h; \
+        drawn[r] = drawn_depths(origin + uvec2(0, r)); \
         load_pixel(origin + uvec2(0, r), sum[r], transmittance[r]); \
         float state = RESUME ? uintBitsToFloat(splat_state[place + r * TILE].y) : -BEHIND_ALL; \
         if (BY_PIXEL) { \
@@ -156,7 +156,7 @@ vec2 from, drawn;
 
 void begin_line(uvec2 pixel) {
     from = vec2(pixel) + 0.5 - push.half_extent;
-    drawn = drawn_depths(pixel) + push.h;
+    drawn = drawn_depths(pixel);
 }
 
 Met meet_on_line(uint id) {

@@ -28,7 +28,7 @@ pub(crate) struct TrainedSet {
     pub(crate) harmonics: Arc<Buffer>,
     /// Logarithm to base 2 of the shortest length that is not flat, and of a step of codes.
     pub(crate) scales: [f64; 2],
-    /// The middle of the centres, from which depths are measured.
+    /// The middle of the centres, from which depths are measured: numbers that float32 holds.
     pub(crate) centre: DVec3,
     /// Half the diagonal of their box.
     pub(crate) radius: f64,
@@ -71,7 +71,7 @@ impl TrainedSet {
             splats: Buffer::with_data(gpu, "trained.splats", bytemuck::cast_slice(&words))?,
             harmonics: Buffer::with_data(gpu, "trained.harmonics", bytemuck::cast_slice(&beyond))?,
             scales: [scales.low, scales.step],
-            centre: 0.5 * low + 0.5 * high,
+            centre: (0.5 * low + 0.5 * high).as_vec3().as_dvec3(),
             radius: (0.5 * high - 0.5 * low).length(),
             reach: reach(splats),
             max_colour: max_colour(splats),

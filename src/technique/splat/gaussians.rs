@@ -264,12 +264,14 @@ fn pushes(set: &TrainedSet, view: &View, draw: SplatPush) -> Result<(TrainedPush
     let focal = 1.0 / view.pixel_size();
     let half = view.extent().map(|side| 0.5 * f64::from(side));
     let perspective = view.is_perspective();
+    let middle = set.centre.to_array().map(f32_of);
     let depth = (set.centre - eye).dot(view.forward());
     let project = TrainedPush {
         right: row(view.right()),
         down: row(-view.up()),
         forward: row(view.forward()),
         eye: [rounded[0], rounded[1], rounded[2], f32_of(focal)],
+        middle: [middle[0], middle[1], middle[2], 0.0],
         half_extent: half.map(f32_of),
         slopes: half.map(|half| f32_of(SLOPES * half / focal)),
         scale_low: f32_of(set.scales[0]),
@@ -282,7 +284,7 @@ fn pushes(set: &TrainedSet, view: &View, draw: SplatPush) -> Result<(TrainedPush
     let near = if perspective { f32_of(-depth) } else { -3e38 };
     let draw = SplatPush {
         d0_near: [0.0, 0.0, 0.0, near],
-        // Depths are told from the eye's plane here, and from the middle of the splats where rays are bounded.
+        // Of the eye's plane before that through the middle, from which depths are told.
         h: f32_of(depth),
         // Depths in float32 have less rounding than this.
         forward_reach: [0.0, 0.0, 0.0, f32_of(set.reach + 1e-5 * (set.radius + depth.abs()))],
