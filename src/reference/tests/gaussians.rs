@@ -3,6 +3,7 @@
 use glam::{DMat2, DVec2, DVec3};
 
 use super::super::{ReferenceOptions, pixels, ray, render};
+use crate::num;
 use crate::scene::{
     Camera, Clip, GaussianParts, Gaussians, Projection, Scene, SplatRule, Surface, TransferFunction, View,
 };
@@ -18,7 +19,7 @@ fn view(projection: Projection) -> View {
 
 /// Splats near the origin, of several shapes, with harmonics of degree 1.
 fn splats(count: usize) -> GaussianParts {
-    let number = |i: usize| f64::from((i * 37 % 101) as u32) as f32 / 50.0 - 1.0;
+    let number = |i: usize| num::f32_of(num::f64_of(i * 37 % 101) / 50.0 - 1.0);
     GaussianParts {
         centres: (0..count).map(|i| [number(i), number(3 * i + 5), number(7 * i + 9)]).collect(),
         rotations: (0..count).map(|i| [1.5, number(i + 2), number(i + 3), number(i + 4)]).collect(),
@@ -209,7 +210,7 @@ fn rules_of_rays_are_those_of_samples_along_them() {
             assert_close(&got, &want, 2e-5, &format!("{rule:?}, {projection:?}"));
             let whole = drawn(&scene, &view);
             for (&[x, y], got) in some.iter().zip(&got) {
-                assert_eq!(whole[(y * width + x) as usize], *got);
+                assert_eq!(whole[num::index(y * width + x)], *got);
                 let (origin, direction) = view.ray(DVec2::new(x.into(), y.into()) + 0.5);
                 if view.is_perspective() {
                     let alone = ray(&scene, origin, direction, [0.0, f64::INFINITY]).unwrap();
@@ -238,11 +239,11 @@ fn thresholds_are_those_of_the_first_program() {
     let view = view(PERSPECTIVE);
     let towards = |k: f32| {
         let eye = view.camera().eye;
-        (eye + view.ray(DVec2::new(20.5, 16.5)).1 * f64::from(k)).to_array().map(|x| x as f32)
+        (eye + view.ray(DVec2::new(20.5, 16.5)).1 * f64::from(k)).to_array().map(num::f32_of)
     };
     // Opaque splats in a row, with the dc of red, green and blue.
     let row = |opacity: f32, count: usize| GaussianParts {
-        centres: (0..count).map(|i| towards(3.0 + i as f32)).collect(),
+        centres: (0..count).map(|i| towards(3.0 + num::f32_of(num::f64_of(i)))).collect(),
         rotations: vec![[1.0, 0.0, 0.0, 0.0]; count],
         log_scales: vec![[-1.0; 3]; count],
         opacities: vec![opacity; count],
@@ -281,7 +282,7 @@ fn surfaces_and_planes_cut_splats_with_depths() {
         let open = scene(splats(5), rule);
         let cut = open.clone().with_surfaces(vec![wall(0.0)]);
         let clip = Clip::none().with_plane(DVec3::ZERO, DVec3::NEG_Z).unwrap();
-        let clipped = drawn(&open, &view.clone().with_clip(clip));
+        let clipped = drawn(&open, &view.with_clip(clip));
         let drawn_cut = drawn(&cut, &view);
         let mut differs = false;
         for ((cut, clipped), open) in drawn_cut.iter().zip(&clipped).zip(drawn(&open, &view)) {
@@ -296,7 +297,7 @@ fn surfaces_and_planes_cut_splats_with_depths() {
     };
     assert!(why(&khr.clone().with_surfaces(vec![wall(0.0)]), &view).contains("ray, overlap, integral have"));
     let clip = Clip::none().with_plane(DVec3::ZERO, DVec3::Z).unwrap();
-    assert!(why(&khr, &view.clone().with_clip(clip)).contains("clip regions"));
+    assert!(why(&khr, &view.with_clip(clip)).contains("clip regions"));
     assert!(ray(&khr, DVec3::ZERO, DVec3::Z, [0.0, 1.0]).is_err());
 }
 
@@ -305,7 +306,7 @@ fn surfaces_and_planes_cut_splats_with_depths() {
 fn extremes_are_finite() {
     for projection in [PERSPECTIVE, ORTHOGRAPHIC] {
         let view = view(projection);
-        let eye = view.camera().eye.to_array().map(|x| x as f32);
+        let eye = view.camera().eye.to_array().map(num::f32_of);
         for rule in SplatRule::ALL.map(|(_, rule)| rule) {
             let mut parts = splats(8);
             parts.log_scales[0][1] = f32::NEG_INFINITY;
