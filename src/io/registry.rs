@@ -28,6 +28,7 @@ static READERS: &[&dyn Reader] = &[
     &ply::Ply,
     &csv::Csv,
     &tiff::Tiff,
+    &gaussian::ksplat::Ksplat,
     &gaussian::splat::Splat,
     &raw::Raw,
 ];

@@ -44,6 +44,7 @@ fn seeds() -> Vec<(&'static str, Vec<support::Sample>)> {
         ("dicom", dicom::samples()),
         ("gaussian_ply", gaussian::ply::samples()),
         ("gmsh", gmsh::samples()),
+        ("ksplat", gaussian::ksplat::samples()),
         ("metaimage", metaimage::samples()),
         ("nifti", nifti::samples()),
         ("npy", npy::samples()),
@@ -82,5 +83,5 @@ macro_rules! damaged {
 }
 
 damaged!(
-    csv compressed_ply dicom gaussian_ply gmsh metaimage nifti npy nrrd ply raw sidecar splat spz tiff vtk_legacy vtk_xml
+    csv compressed_ply dicom gaussian_ply gmsh ksplat metaimage nifti npy nrrd ply raw sidecar splat spz tiff vtk_legacy vtk_xml
 );
