@@ -9,6 +9,7 @@ use crate::io::build::data_file::DataFile;
 use crate::io::build::file_names::{in_order, is_number, pieces};
 use crate::io::file::source::{Source, list};
 use crate::io::formats::dicom::{self, recognise};
+use crate::io::formats::gaussian::sog;
 use crate::io::formats::refused;
 use crate::io::formats::series;
 use crate::io::formats::tiff::{self, file};
@@ -99,6 +100,10 @@ fn find_one(path: &Path, request: &Request) -> Result<Found> {
         return Err(refusal);
     }
     if path.is_dir() {
+        // Images of splats are no files of their own.
+        if let Some(meta) = sog::in_folder(path, request)? {
+            return read_source(&meta, request);
+        }
         return checked(path, read_folder(path, request)?, request);
     }
     read_source(&Source::open(path, request)?, request)

@@ -94,7 +94,6 @@ impl Source {
     }
 
     /// Opens decompressed contents of a file under its name, without siblings. The bytes are not copied.
-    #[cfg(feature = "dicom")]
     pub(crate) fn unpacked(path: &Path, bytes: Vec<u8>) -> Result<Self> {
         let (len, bytes) = (num::wide(bytes.len()), Arc::new(bytes));
         Self::new(path, Body::Memory { bytes, bundle: Arc::default() }, len, None)
@@ -212,6 +211,14 @@ impl Source {
         };
         read.map_err(|e| Error::io(&self.path, "cannot read", e))?;
         Ok(bytes)
+    }
+
+    /// Reads some bytes of the file as stored, none at its end.
+    pub(crate) fn read_some(&self, offset: u64, buffer: &mut [u8]) -> std::io::Result<usize> {
+        match &*self.body {
+            Body::File(file) => At { source: self, file, position: offset }.read(buffer),
+            Body::Memory { .. } => self.reader(offset, Encoding::Raw).read(buffer),
+        }
     }
 
     /// Returns the decompressed stream from `offset` to the end.

@@ -5,5 +5,6 @@
 pub(crate) mod ksplat;
 pub(crate) mod ply;
 mod rows;
+pub(crate) mod sog;
 pub(crate) mod splat;
 pub(crate) mod spz;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::io::file::json::parse_file;
 use crate::io::file::source::Source;
+use crate::io::formats::gaussian::sog;
 use crate::io::formats::raw::layout::is_sidecar;
 use crate::io::options::ReadOptions;
 use crate::io::read_data;
@@ -176,11 +177,11 @@ struct Rest {
 pub struct SceneFile;
 
 impl SceneFile {
-    /// Whether a file is a scene file: its extension is `.json`, and it does not describe raw samples.
+    /// Whether a file is a scene file: its extension is `.json`, and it describes neither raw samples nor Gaussian splats.
     #[must_use]
     pub fn is_at(path: &Path, options: &ReadOptions) -> bool {
         path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
-            && !Source::open(path, options).is_ok_and(|source| is_sidecar(&source))
+            && !Source::open(path, options).is_ok_and(|source| is_sidecar(&source) || sog::is_meta(&source))
     }
 
     /// Reads a scene file and the data that it names. Arrays selected in `options` override those in the file.

@@ -52,6 +52,7 @@ fn seeds() -> Vec<(&'static str, Vec<support::Sample>)> {
         ("ply", ply::samples()),
         ("raw", raw),
         ("sidecar", sidecar),
+        ("sog", gaussian::sog::samples()),
         ("splat", gaussian::splat::samples()),
         ("spz", gaussian::spz::samples()),
         ("tiff", tiff::samples()),
@@ -83,5 +84,5 @@ macro_rules! damaged {
 }
 
 damaged!(
-    csv compressed_ply dicom gaussian_ply gmsh ksplat metaimage nifti npy nrrd ply raw sidecar splat spz tiff vtk_legacy vtk_xml
+    csv compressed_ply dicom gaussian_ply gmsh ksplat metaimage nifti npy nrrd ply raw sidecar sog splat spz tiff vtk_legacy vtk_xml
 );

@@ -4,6 +4,8 @@ pub mod compressed;
 pub mod ksplat;
 pub mod ply;
 mod real;
+mod real_others;
+pub mod sog;
 pub mod splat;
 pub mod spz;
 mod write;
