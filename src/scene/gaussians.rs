@@ -23,6 +23,8 @@ pub enum TrainedMode {
     Antialiased,
     /// Flat splats that a ray intersects (2D Gaussian Splatting, Huang et al. 2024).
     Flat,
+    /// That of `KHR_gaussian_splatting`, the extension of glTF.
+    Khronos,
 }
 
 impl TrainedMode {
@@ -34,6 +36,7 @@ impl TrainedMode {
             Self::Default => "default",
             Self::Antialiased => "antialiased",
             Self::Flat => "2dgs",
+            Self::Khronos => "khr",
         }
     }
 }
@@ -353,34 +356,12 @@ impl Gaussians {
 
     /// Maps the splats by an orthogonal matrix.
     fn moved(&self, matrix: DMat3) -> Self {
-        // A reflection R S keeps the ellipsoid of a rotation: S Q S is one.
-        let mirrors = matrix.determinant() < 0.0;
-        let mirror = DMat3::from_diagonal(DVec3::new(if mirrors { -1.0 } else { 1.0 }, 1.0, 1.0));
-        let turn = DQuat::from_mat3(&(matrix * mirror)).normalize();
         let centres =
             (0..self.len()).map(|i| (matrix * self.centre(i)).to_array().map(num::f32_of)).collect();
-        let rotated = |&[w, x, y, z]: &[f32; 4]| {
-            let own = quaternion(if mirrors { [w, x, -y, -z] } else { [w, x, y, z] });
-            let DQuat { x, y, z, w } = (turn * own).normalize();
-            [w, x, y, z].map(num::f32_of)
-        };
-        let rotations = self.rotations.iter().map(rotated).collect();
-        let map = Rotation::new(matrix);
+        let rotations = self.rotations.iter().map(|rotation| combine(matrix, *rotation)).collect();
         let mut harmonics = self.harmonics.to_vec();
-        let functions = harmonics::count(self.degree);
-        let mut channel = vec![0.0; functions];
         if self.degree > 0 {
-            for splat in harmonics.chunks_exact_mut(3 * functions) {
-                for c in 0..3 {
-                    for (k, value) in channel.iter_mut().enumerate() {
-                        *value = f64::from(splat[3 * k + c]);
-                    }
-                    map.apply(&mut channel);
-                    for (k, value) in channel.iter().enumerate() {
-                        splat[3 * k + c] = num::f32_of(*value);
-                    }
-                }
-            }
+            turn_harmonics(&Rotation::new(matrix), self.degree, &mut harmonics);
         }
         let moved = Self {
             centres: Arc::new(centres),
@@ -392,8 +373,36 @@ impl Gaussians {
     }
 }
 
+/// Returns the quaternion w, x, y, z of an ellipsoid that an orthogonal matrix maps.
+pub(super) fn combine(matrix: DMat3, [w, x, y, z]: [f32; 4]) -> [f32; 4] {
+    // A reflection R S keeps the ellipsoid of a rotation: S Q S is one.
+    let mirrors = matrix.determinant() < 0.0;
+    let mirror = DMat3::from_diagonal(DVec3::new(if mirrors { -1.0 } else { 1.0 }, 1.0, 1.0));
+    let turn = DQuat::from_mat3(&(matrix * mirror)).normalize();
+    let own = quaternion(if mirrors { [w, x, -y, -z] } else { [w, x, y, z] });
+    let DQuat { x, y, z, w } = (turn * own).normalize();
+    [w, x, y, z].map(num::f32_of)
+}
+
+/// Turns the coefficients of splats, three for each function.
+pub(super) fn turn_harmonics(map: &Rotation, degree: u32, harmonics: &mut [f32]) {
+    let functions = harmonics::count(degree);
+    let mut channel = vec![0.0; functions];
+    for splat in harmonics.chunks_exact_mut(3 * functions) {
+        for c in 0..3 {
+            for (k, value) in channel.iter_mut().enumerate() {
+                *value = f64::from(splat[3 * k + c]);
+            }
+            map.apply(&mut channel);
+            for (k, value) in channel.iter().enumerate() {
+                splat[3 * k + c] = num::f32_of(*value);
+            }
+        }
+    }
+}
+
 /// Returns a quaternion of w, x, y, z with unit length to float64.
-fn quaternion([w, x, y, z]: [f32; 4]) -> DQuat {
+pub(super) fn quaternion([w, x, y, z]: [f32; 4]) -> DQuat {
     DQuat::from_array([x, y, z, w].map(f64::from)).normalize()
 }
 

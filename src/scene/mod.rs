@@ -6,6 +6,7 @@
 //! This room uses only `error` and `num`. Readers make scenes; the reference, the device's copies and the
 //! techniques use them.
 
+mod affine;
 pub mod auto;
 mod axes;
 mod camera;

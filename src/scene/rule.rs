@@ -45,6 +45,7 @@ impl SplatRule {
         match mode {
             TrainedMode::Unknown | TrainedMode::Default => Self::Inria,
             TrainedMode::Antialiased => Self::Antialiased,
+            TrainedMode::Khronos => Self::Khr,
             // A flat splat is met where the ray goes through its plane.
             TrainedMode::Flat => Self::Ray,
         }

@@ -161,6 +161,7 @@ pub(crate) fn mode_of(text: &str) -> Option<TrainedMode> {
         return Some(match word {
             "mip" => TrainedMode::Antialiased,
             "2dgs" => TrainedMode::Flat,
+            "khr" => TrainedMode::Khronos,
             "default" => TrainedMode::Default,
             _ => TrainedMode::Unknown,
         });
@@ -187,6 +188,7 @@ mod tests {
             ("SplatRenderMode: mip", Some(TrainedMode::Antialiased)),
             ("splatrendermode=2dgs ", Some(TrainedMode::Flat)),
             ("SplatRenderMode default", Some(TrainedMode::Default)),
+            ("SplatRenderMode: khr", Some(TrainedMode::Khronos)),
             ("SplatRenderMode: other", Some(TrainedMode::Unknown)),
             ("antialiased 1", Some(TrainedMode::Antialiased)),
             (" antialiased: 0", Some(TrainedMode::Default)),

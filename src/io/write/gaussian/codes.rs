@@ -46,6 +46,7 @@ pub(super) fn comments(splats: &Gaussians, texts: &[String]) -> String {
         TrainedMode::Default => Some("SplatRenderMode: default"),
         TrainedMode::Antialiased => Some("SplatRenderMode: mip"),
         TrainedMode::Flat => Some("SplatRenderMode: 2dgs"),
+        TrainedMode::Khronos => Some("SplatRenderMode: khr"),
     };
     let line = |text: &str| {
         let plain: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
