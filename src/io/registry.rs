@@ -25,6 +25,7 @@ static READERS: &[&dyn Reader] = &[
     &vtk_legacy::VtkLegacy,
     &gmsh::Gmsh,
     &gaussian::spz::Spz,
+    &gaussian::gltf::Gltf,
     &gaussian::sog::Sog,
     &ply::Ply,
     &csv::Csv,

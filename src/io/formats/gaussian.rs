@@ -2,6 +2,7 @@
 //!
 //! [`ply`] is called by the reader of PLY files, which know splats by their properties.
 
+pub(crate) mod gltf;
 pub(crate) mod ksplat;
 pub(crate) mod ply;
 mod rows;

@@ -65,7 +65,6 @@ static FORMATS: &[Format] = &[
         |s| ends(s, &["obj"]) && starts(s, &[b"v ", b"#", b"mtllib ", b"o ", b"g "]),
         &["obj"],
     ),
-    Format("glTF", SURFACE, |s| starts(s, &[b"glTF"]), &["gltf", "glb"]),
     Format("OFF", SURFACE, |s| starts(s, &[b"OFF\n", b"OFF\r", b"OFF "]), &["off"]),
     Format("PNG", PICTURE, |s| starts(s, &[b"\x89PNG\r\n\x1a\n"]), &["png"]),
     Format(

@@ -43,6 +43,7 @@ fn seeds() -> Vec<(&'static str, Vec<support::Sample>)> {
         ("compressed_ply", gaussian::compressed::samples()),
         ("dicom", dicom::samples()),
         ("gaussian_ply", gaussian::ply::samples()),
+        ("gltf", gaussian::gltf::samples()),
         ("gmsh", gmsh::samples()),
         ("ksplat", gaussian::ksplat::samples()),
         ("metaimage", metaimage::samples()),
@@ -84,5 +85,5 @@ macro_rules! damaged {
 }
 
 damaged!(
-    csv compressed_ply dicom gaussian_ply gmsh ksplat metaimage nifti npy nrrd ply raw sidecar sog splat spz tiff vtk_legacy vtk_xml
+    csv compressed_ply dicom gaussian_ply gltf gmsh ksplat metaimage nifti npy nrrd ply raw sidecar sog splat spz tiff vtk_legacy vtk_xml
 );

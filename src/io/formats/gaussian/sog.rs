@@ -18,7 +18,7 @@ use crate::io::file::source::Source;
 use crate::io::file::text::shown;
 use crate::io::formats::gaussian::sog::archive::Archive;
 use crate::io::formats::gaussian::sog::image::Image;
-use crate::io::formats::gaussian::sog::meta::{Harmonics, Meta, Values};
+use crate::io::formats::gaussian::sog::meta::{Harmonics, META, Meta, Values};
 use crate::io::options::Request;
 use crate::io::reader::Reader;
 use crate::io::report::Found;
@@ -27,8 +27,6 @@ use crate::scene::{Axes, Gaussians, TrainedMode, harmonics};
 
 pub(crate) struct Sog;
 
-/// The file that names the others.
-const META: &str = "meta.json";
 /// The limit on its size, in bytes.
 const MOST_META: u64 = 1 << 20;
 /// Memory of a byte of it after parsing.

@@ -1,6 +1,7 @@
 //! Trained Gaussian splats in every format: what is read, what is refused, real files against each other.
 
 pub mod compressed;
+pub mod gltf;
 pub mod ksplat;
 pub mod ply;
 mod real;

@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::io::file::budget::Budget;
 use crate::io::file::source::{Encoding, Source};
 use crate::io::file::text::{plain, shown};
+use crate::io::formats::gaussian::sog::meta::META;
 use crate::num;
 
 /// The beginning of an archive that is not empty.
@@ -87,7 +88,7 @@ impl<'a> Archive<'a> {
             entries.push(Entry { name, method, place });
         }
         let folder = |entry: &Entry| {
-            let folder = entry.name.strip_suffix(super::META)?;
+            let folder = entry.name.strip_suffix(META)?;
             (folder.is_empty() || folder.ends_with('/')).then(|| folder.to_owned())
         };
         let mut folders: Vec<String> = entries.iter().filter_map(folder).collect();

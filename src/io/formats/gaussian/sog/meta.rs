@@ -7,6 +7,9 @@ use crate::io::file::json::parse;
 use crate::io::file::source::Source;
 use crate::io::file::text::shown;
 
+/// The file that names the others.
+pub(super) const META: &str = "meta.json";
+
 /// The facts of both versions.
 #[derive(Debug)]
 pub(super) struct Meta {
