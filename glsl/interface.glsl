@@ -180,9 +180,10 @@
 #define RULE_ANTIALIASED 2
 #define RULE_RAY 3
 
-// Trained splats: words of a record without its colours, and vectors of a splat as a view sees it.
+// Trained splats: words of one without its further colours; vectors of one as a view sees it, and by rules of rays.
 #define TRAINED_WORDS 8
-#define TRAINED_RECORD 4
+#define TRAINED_RECORD 3
+#define TRAINED_RAY_RECORD 5
 
 // Values of SPEC_WARP.
 #define WARP_BILINEAR 0

@@ -9,17 +9,19 @@
 //
 // A record holds a place of the image u, in pixels from its middle, y down, and with d = pixel - u the squared distance to the splat
 //
-//     D² = |L d|² / (1 + 2 b·d + d' C d),    L = (l.x l.y; 0 l.z).
+//     D² = |L d|² / W,    L = (l.x l.y; 0 l.z),    W = 1 + 2 b·f + f' C f,    f = pixel - r.
 //
-// Rules of the image (KHR, INRIA, ANTIALIASED) have b = 0 and C = 0: L is a root of the inverse of the affine image A A' of M = R diag(s), whose
-// determinant is a sum of squared minors. The entries of the inverse itself would cancel for splats that are long and thin. By RULE_RAY D is the distance of a pixel's line to the splat in units of M, exact: in units of M the
-// line through the eye and u goes through the centre, so that p × w = -(Z w0) × (w0 + d.x gx + d.y gy) has no constant term, and nothing
-// cancels. With U = R', cofactors K = diag(sy sz, sx sz, sx sy) U and diag(s) U, which need no inverse of a flat splat:
+// Rules of the image (KHR, INRIA, ANTIALIASED) have W = 1: L is a root of the inverse of the affine image A A' of M = R diag(s), whose
+// determinant is a sum of squared minors. The entries of the inverse itself would cancel for splats that are long and thin. By RULE_RAY D is
+// the distance of a pixel's line to the splat in units of M, exact: there the line through the eye and u goes through the centre c, so that p × w
+// has no constant term, and nothing cancels. W is w² over that at the place r, which is u, or where u lies far from the image a place nearer to it:
+// from far away W would cancel. With U = R' and the cofactors K = diag(sy sz, sx sz, sx sy) U, which need no inverse of a flat splat, the line
+// along v at r, the view's axes e, and the focal length F in pixels:
 //
-//     L'L = Z² Gram(diag(s) U (c × e)) / (F² |K c|²),   b = K c · K e Z / (F |K c|²),   C = Gram(K e) Z² / (F² |K c|²),
+//     L'L = Gram(diag(s) U (c × e)) / (F² |K v|²),   b = K v · K e / (F |K v|²),   C = Gram(K e) / (F² |K v|²).
 //
-// for e = the view's x and y axes, c the centre from the eye, F the focal length in pixels. The depth of the nearest point is
-// Z (1 + b·d) / (1 + 2 b·d + d' C d), which is Z less Z (b·d + d' C d) / (1 + 2 b·d + d' C d).
+// The depth of the nearest point is (K c · K v / |K v|² + K c · K e f / (F |K v|²)) / W. Parallel lines have W = 1, v in the place of c, and a depth
+// that is linear in f.
 //
 // Sources: Zwicker et al. 2001 (affine image); Kerbl et al. 2023; Yu et al. 2024; KHR_gaussian_splatting.
 #version 460
@@ -29,6 +31,7 @@
 #include "shared/device.glsl"
 #include "shared/keys.glsl"
 #include "splat/boxes.glsl"
+#include "splat/records.glsl"
 
 layout(constant_id = SPEC_SPLAT_RULE) const uint RULE = RULE_KHR;
 layout(constant_id = SPEC_SPLAT_ORDER) const uint ORDER = ORDER_DEPTHS;
@@ -163,10 +166,12 @@ struct Drawn {
     vec3 l;
     vec2 b;
     vec3 c;
+    vec2 e;
+    float at;      // by rays: the depth where the line of the place r is nearest
     vec4 box;
     float end;     // squared distance, in bits, at which it ends
     float opacity;
-    float depth;
+    float depth;   // of the centre
     float reach;   // by rays: from its depth to where lines meet it
 };
 
@@ -187,6 +192,8 @@ Drawn by_image(Trained splat) {
     drawn.l = vec3(0.0);
     drawn.b = vec2(0.0);
     drawn.c = vec3(0.0);
+    drawn.e = vec2(0.0);
+    drawn.at = splat.depth;
     drawn.box = vec4(0.0);
     drawn.end = HALF_LOG2E * CUT;
     drawn.opacity = splat.opacity;
@@ -228,19 +235,21 @@ Drawn by_rays(Trained splat) {
     float z = abs(c.z) < 1e-6 * length(c) ? 1e-6 * length(c) : c.z;
     if (perspective) c.z = z;
     mat3 rows = mat3(push.right.xyz, push.down.xyz, push.forward.xyz), own = transpose(splat.rotation) * rows;
-    // Lines go along `way` at the splat's place, and turn by ex and ey a pixel; parallel lines move instead.
-    vec3 way = perspective ? c : vec3(0.0, 0.0, 1.0), kw = k * (own * way);
-    float along = max(dot(kw, kw), 1e-37), unit = perspective ? z / focal : 1.0 / focal;
-    vec3 ex = vec3(1.0, 0.0, 0.0), ey = vec3(0.0, 1.0, 0.0);
-    vec3 ax = s * (own * cross(way, ex)), ay = s * (own * cross(way, ey));
-    float weight = abs(unit) / (sqrt(along) * most) * sqrt(HALF_LOG2E), side = max(length(ax), 1e-30);
+    // At the place r of W lines go along `way`, and turn by ex and ey a pixel; parallel lines move instead.
     Drawn drawn;
     drawn.place = perspective ? c.xy / z * focal : c.xy * focal;
+    vec2 reference = reference_of(drawn.place, push.half_extent);
+    bool own_place = reference == drawn.place;
+    vec3 way = perspective ? own_place ? c / z : vec3(reference / focal, 1.0) : vec3(0.0, 0.0, 1.0);
+    vec3 ex = vec3(1.0, 0.0, 0.0), ey = vec3(0.0, 1.0, 0.0), kw = k * (own * way), kx = k * (own * ex), ky = k * (own * ey);
+    float along = max(dot(kw, kw), 1e-37), unit = 1.0 / (focal * along);
+    vec3 base = perspective ? c : way, kb = k * (own * base), ax = s * (own * cross(base, ex)), ay = s * (own * cross(base, ey));
+    float weight = sqrt(HALF_LOG2E) / (focal * sqrt(along) * most), side = max(length(ax), 1e-30);
     drawn.l = vec3(side, dot(ax, ay) / side, length(cross(ax, ay)) / side) * weight;
-    vec3 kx = k * (own * ex), ky = k * (own * ey);
-    float turn = perspective ? unit / along : 0.0;
-    drawn.b = vec2(dot(kw, kx), dot(kw, ky)) * turn;
-    drawn.c = vec3(dot(kx, kx), dot(kx, ky), dot(ky, ky)) * (turn * unit);
+    drawn.b = vec2(dot(kw, kx), dot(kw, ky)) * unit;
+    drawn.c = vec3(dot(kx, kx), dot(kx, ky), dot(ky, ky)) * (unit / focal);
+    drawn.e = vec2(dot(kb, kx), dot(kb, ky)) * (perspective ? unit : -unit);
+    drawn.at = splat.depth + (perspective && !own_place ? dot(kb, kw) / along - z : 0.0);
     drawn.end = 0.0;
     drawn.opacity = splat.opacity;
     drawn.depth = splat.depth;
@@ -277,8 +286,12 @@ void main() {
     if (ORDER == ORDER_PIXELS) key -= max(drawn.reach - push.reach, 0.0);
     sort_keys[i] = there ? float_key(key) : 0xffffffffu;
     if (!there) return;
-    records[TRAINED_RECORD * i] = vec4(drawn.place, drawn.l.xy);
-    records[TRAINED_RECORD * i + 1u] = vec4(drawn.l.z, log2(drawn.opacity), RAYS ? key : drawn.end, drawn.depth);
-    records[TRAINED_RECORD * i + 2u] = vec4(colour_of(i, splat), drawn.b.x);
-    if (RAYS) records[TRAINED_RECORD * i + 3u] = vec4(drawn.c, drawn.b.y);
+    uint first = record_of(i, RAYS);
+    records[first] = vec4(drawn.place, drawn.l.xy);
+    records[first + 1u] = vec4(drawn.l.z, log2(drawn.opacity), RAYS ? key : drawn.end, drawn.at);
+    records[first + 2u] = vec4(colour_of(i, splat), 0.0);
+    if (RAYS) {
+        records[first + 3u] = vec4(drawn.c, 0.0);
+        records[first + 4u] = vec4(drawn.b, drawn.e);
+    }
 }

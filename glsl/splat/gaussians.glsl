@@ -28,6 +28,7 @@
 #endif
 #include "splat/band.glsl"
 #include "splat/by-pixel.glsl"
+#include "splat/records.glsl"
 
 layout(constant_id = SPEC_SPLAT_RULE) const uint RULE = RULE_KHR;
 layout(constant_id = SPEC_SPLAT_BY_PIXEL) const bool BY_PIXEL = false;
@@ -41,6 +42,9 @@ const float CUT_BITS = 6.4921277; // half of the squared distance at which splat
 const bool THRESHOLDS = RULE == RULE_INRIA || RULE == RULE_ANTIALIASED;
 const float MOST_OPACITY = 0.99, LEAST_LEFT = 1e-4;
 
+// 1 in perspective, 0 where lines are parallel.
+#define PERSPECTIVE push.unit
+
 // A splat as a pixel meets it.
 struct Met {
     float bits;  // half the squared distance, to base 2
@@ -48,18 +52,28 @@ struct Met {
     bool there;  // whether it is drawn
 };
 
-// `d` is the pixel from the splat's place, `drawn` the depths between which the line is drawn.
-Met meet(vec2 d, vec4 record0, vec4 record1, float turn_x, vec4 record3, vec2 drawn) {
-    vec2 own = vec2(fma(record0.z, d.x, record0.w * d.y), record1.x * d.y);
-    Met met = Met(dot(own, own), record1.w, true);
+// A splat's record.
+struct Record {
+    vec4 form;    // place, L
+    vec4 limits;  // L, logarithm of the opacity, end or key, depth at r
+    vec3 colour;
+    vec3 bend;    // C
+    vec4 turn;    // b, e
+};
+
+// Meets a splat with the line of a pixel, which is drawn between two depths.
+Met meet(vec2 pixel, Record record, vec2 reference, vec2 drawn) {
+    vec2 d = pixel - record.form.xy, own = vec2(fma(record.form.z, d.x, record.form.w * d.y), record.limits.x * d.y);
+    Met met = Met(dot(own, own), record.limits.w, true);
     if (RAYS) {
-        float turn = turn_x * d.x + record3.w * d.y, bend = d.x * fma(record3.x, d.x, 2.0 * record3.y * d.y) + record3.z * d.y * d.y;
-        float inverse = 1.0 / max(1.0 + 2.0 * turn + bend, 1e-30);
+        vec2 f = pixel - reference;
+        float change = PERSPECTIVE * (2.0 * dot(record.turn.xy, f) + f.x * fma(record.bend.x, f.x, 2.0 * record.bend.y * f.y) + record.bend.z * f.y * f.y);
+        float inverse = 1.0 / max(1.0 + change, 1e-30);
         met.bits *= inverse;
-        met.depth -= (record1.w + push.h) * (turn + bend) * inverse;
+        met.depth += (dot(record.turn.zw, f) - (record.limits.w + push.h) * change) * inverse;
         met.there = met.depth > drawn.x && met.depth < drawn.y;
     }
-    met.there = met.there && met.bits <= (RAYS ? CUT_BITS : record1.z);
+    met.there = met.there && met.bits <= (RAYS ? CUT_BITS : record.limits.z);
     return met;
 }
 
@@ -105,30 +119,36 @@ void main() {
     float live = 1.0;
 #define IS_LIVE ANY(BY_PIXEL ? ended != (1u << ROWS) - 1u : live > opaque)
     for (; i < stop && IS_LIVE; ++i) {
-        uint at = TRAINED_RECORD * bins[i];
-        vec4 record0, record1, record2, record3 = vec4(0.0);
-        FETCH_TWO(records, at, record0, record1)
+        uint at = record_of(bins[i], RAYS);
+        Record record;
+        FETCH_TWO(records, at, record.form, record.limits)
         if (RAYS) {
-            FETCH_TWO(records, at + 2u, record2, record3)
+            vec4 colour, bend;
+            FETCH_TWO(records, at + 2u, colour, bend)
+            record.turn = FETCH(records, at + 4u);
+            record.colour = colour.rgb;
+            record.bend = bend.xyz;
         } else {
-            record2 = FETCH(records, at + 2u);
+            vec4 colour = FETCH(records, at + 2u);
+            record.colour = colour.rgb;
         }
+        vec2 reference = RAYS ? reference_of(record.form.xy, push.half_extent) : vec2(0.0);
         live = 0.0;
 #define BLEND(r) { \
-            Met met = meet(from + vec2(0.0, float(r)) - record0.xy, record0, record1, record2.w, record3, drawn[r]); \
+            Met met = meet(from + vec2(0.0, float(r)), record, reference, drawn[r]); \
             if (BY_PIXEL) { \
                 if (met.there) { \
-                    Piece own = Piece(met.depth, exp2(record1.y - met.bits), record2.rgb); \
+                    Piece own = Piece(met.depth, exp2(record.limits.y - met.bits), record.colour); \
                     BLEND_NEAREST(r, own, sum[r], transmittance[r], last[r]) \
-                    bool over = transmittance[r] <= opaque && followed_from(record1.z) > last[r]; \
+                    bool over = transmittance[r] <= opaque && followed_from(record.limits.z) > last[r]; \
                     ended |= uint(over || last[r] == BEHIND_ALL) << r; \
                 } \
             } else { \
-                float opacity = met.there ? exp2(record1.y - met.bits) : 0.0; \
+                float opacity = met.there ? exp2(record.limits.y - met.bits) : 0.0; \
                 if (THRESHOLDS) opacity = min(opacity, MOST_OPACITY); \
                 float share = transmittance[r] * opacity, left = transmittance[r] - share; \
                 bool ends = THRESHOLDS && left < LEAST_LEFT && met.there; \
-                sum[r] = fma(vec4(ends ? 0.0 : share), vec4(record2.rgb, 1.0), sum[r]); \
+                sum[r] = fma(vec4(ends ? 0.0 : share), vec4(record.colour, 1.0), sum[r]); \
                 transmittance[r] = ends ? 0.0 : left; \
             } \
             live = max(live, transmittance[r]); \
@@ -159,25 +179,28 @@ void begin_line(uvec2 pixel) {
     drawn = drawn_depths(pixel);
 }
 
-Met meet_on_line(uint id) {
-    uint at = TRAINED_RECORD * id;
-    vec4 record0 = records[at];
-    return meet(from - record0.xy, record0, records[at + 1u], records[at + 2u].w, records[at + 3u], drawn);
+Record record_on_line(uint id) {
+    uint at = record_of(id, RAYS);
+    return Record(records[at], records[at + 1u], records[at + 2u].rgb, records[at + 3u].xyz, records[at + 4u]);
+}
+
+Met meet_on_line(Record record) {
+    return meet(from, record, reference_of(record.form.xy, push.half_extent), drawn);
 }
 
 bool meets_line(uint id, out float at) {
-    Met met = meet_on_line(id);
+    Met met = meet_on_line(record_on_line(id));
     at = met.depth;
     return met.there;
 }
 
 void blend_on_line(uint id, inout vec4 sum, inout float transmittance) {
-    uint at = TRAINED_RECORD * id;
-    blend_behind(sum, transmittance, records[at + 2u].rgb, exp2(records[at + 1u].y - meet_on_line(id).bits));
+    Record record = record_on_line(id);
+    blend_behind(sum, transmittance, record.colour, exp2(record.limits.y - meet_on_line(record).bits));
 }
 
 float followed_from(uint id, float at) {
-    return followed_from(records[TRAINED_RECORD * id + 1u].z);
+    return followed_from(records[record_of(id, RAYS) + 1u].z);
 }
 
 void main() {

@@ -20,6 +20,7 @@ mod changes;
 mod choice;
 mod counts;
 mod extremes;
+mod gaussians;
 mod grids;
 mod hardware;
 mod havs_routes;

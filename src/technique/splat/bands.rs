@@ -10,6 +10,7 @@ use crate::interface::SplatPush;
 use crate::num;
 use crate::primitives::bins::{Bins, Fill, MOST_ENTRIES, with_margin};
 use crate::primitives::dispatch::{Dispatch, groups_of, pass};
+use crate::resident::GpuScene;
 use crate::technique::splat::options::TileOptions;
 use crate::technique::splat::outcome::SplatOutcome;
 
@@ -90,6 +91,17 @@ pub(super) struct BandedDraw {
 }
 
 impl BandedDraw {
+    /// Makes the buffers of the outcome of a frame.
+    pub(super) fn outcome(
+        &self,
+        scene: &Arc<GpuScene>,
+        name: &'static str,
+        splats: u32,
+    ) -> Result<Arc<SplatOutcome>> {
+        let counts = [self.bins.capacity, self.rounds, splats];
+        SplatOutcome::new(scene, name, self.bands.len(), counts, self.repair.is_some()).map(Arc::new)
+    }
+
     /// Returns counts of work that are known before a frame is drawn.
     pub(super) fn counters(&self) -> Vec<(&'static str, u64)> {
         vec![

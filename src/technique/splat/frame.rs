@@ -271,7 +271,7 @@ impl SplatFrame {
         let (draw, repair) = inputs.passes(gpu, &desc, rounds)?;
 
         let banded = BandedDraw { bins, bands, across, draw, repair, rounds };
-        let outcome = Arc::new(SplatOutcome::new(scene, name, &banded, set.count)?);
+        let outcome = banded.outcome(scene, name, set.count)?;
         Ok(Self { desc, set, view: seen, project, sort, banded, image, status, outcome })
     }
 }

@@ -21,7 +21,8 @@ use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
     self, GAUSSIANS_DRAW, GAUSSIANS_DRAW_WIDE, GAUSSIANS_PROJECT_COMPUTE, GAUSSIANS_REPAIR, GaussiansDraw,
     GaussiansProject, GaussiansRepair, ORDER_DEPTHS, ORDER_DISTANCES, ORDER_PIXELS, PIXELS_FIRST,
-    RULE_ANTIALIASED, RULE_INRIA, RULE_KHR, RULE_RAY, STATUS_WORDS, TILE, TILE_PIXELS, TRAINED_RECORD,
+    RULE_ANTIALIASED, RULE_INRIA, RULE_KHR, RULE_RAY, STATUS_WORDS, TILE, TILE_PIXELS, TRAINED_RAY_RECORD,
+    TRAINED_RECORD,
 };
 use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::interface::{SplatPush, TrainedPush};
@@ -182,7 +183,8 @@ impl TrainedFrame {
         let order = buffer(gpu, "order", count)?;
         let boxes = buffer(gpu, "boxes", 2 * count)?;
         let status = buffer(gpu, "status", STATUS_WORDS.into())?;
-        let records = buffer(gpu, "records", 4 * u64::from(TRAINED_RECORD) * count)?;
+        let vectors = if desc.rule == RULE_RAY { TRAINED_RAY_RECORD } else { TRAINED_RECORD };
+        let records = buffer(gpu, "records", 4 * u64::from(vectors) * count)?;
         let project = GAUSSIANS_PROJECT_COMPUTE.with(&GaussiansProject {
             boxes: boxes.write(),
             order: order.write(),
@@ -249,7 +251,7 @@ impl TrainedFrame {
         };
         let repair = desc.by_pixel().then(repair).transpose()?;
         let banded = BandedDraw { bins, bands, across, draw, repair, rounds };
-        let outcome = Arc::new(SplatOutcome::new(scene, name, &banded, set.count)?);
+        let outcome = banded.outcome(scene, name, set.count)?;
         Ok(Self { set, project, sort, banded, pushes, image, status, outcome })
     }
 }
@@ -289,6 +291,7 @@ fn pushes(set: &TrainedSet, view: &View, draw: SplatPush) -> Result<(TrainedPush
         // Depths in float32 have less rounding than this.
         forward_reach: [0.0, 0.0, 0.0, f32_of(set.reach + 1e-5 * (set.radius + depth.abs()))],
         half_extent: half.map(f32_of),
+        unit: if perspective { 1.0 } else { 0.0 },
         ..draw
     };
     if !(rounded.iter().all(|x| x.is_finite()) && project.eye[3].is_normal() && draw.h.is_finite()) {

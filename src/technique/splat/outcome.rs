@@ -11,7 +11,6 @@ use crate::gpu::shader::{
 use crate::num;
 use crate::primitives::dispatch::{download, total, words};
 use crate::resident::GpuScene;
-use crate::technique::splat::bands::BandedDraw;
 
 /// Buffers that a frame copies its status and totals to, with the capacities that it had.
 #[derive(Debug)]
@@ -31,26 +30,27 @@ pub(crate) struct SplatOutcome {
 }
 
 impl SplatOutcome {
-    /// Makes the buffers of a frame.
+    /// Makes the buffers of a frame: of `bands`, with the capacity of bins, the dispatches of a band and the number of splats.
     pub(super) fn new(
         scene: &Arc<GpuScene>,
         name: &'static str,
-        banded: &BandedDraw,
-        splats: u32,
+        bands: usize,
+        [capacity, rounds, splats]: [u32; 3],
+        repairs: bool,
     ) -> Result<Self> {
         let gpu = scene.gpu();
         let host = |name: &str, words: u32, wanted: bool| -> Result<Vec<_>> {
-            let bands = banded.bands.iter().filter(|_| wanted);
-            bands.map(|_| download(gpu, name, 4 * u64::from(words))).collect()
+            let bands = if wanted { bands } else { 0 };
+            (0..bands).map(|_| download(gpu, name, 4 * u64::from(words))).collect()
         };
         Ok(Self {
             scene: Arc::clone(scene),
             name,
             status: download(gpu, "status", 4 * u64::from(STATUS_WORDS))?,
             bins: host("bins.total", 2, true)?,
-            repaired: host("pixels.count", PIXELS_FIRST, banded.repair.is_some())?,
-            capacity: banded.bins.capacity,
-            rounds: banded.rounds,
+            repaired: host("pixels.count", PIXELS_FIRST, repairs)?,
+            capacity,
+            rounds,
             splats,
         })
     }

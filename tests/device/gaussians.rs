@@ -1,0 +1,147 @@
+//! Trained splats against the float64 reference of each rule.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+#![allow(clippy::cast_possible_truncation, reason = "small numbers of test scenes")]
+
+use crate::common::*;
+use glam::DVec3;
+use volraster::Image;
+use volraster::measure::ImageErrors;
+use volraster::reference::{self, ReferenceOptions};
+use volraster::scene::{
+    Camera, Clip, GaussianParts, Gaussians, Projection, Scene, SplatRule, Surface, TransferFunction, View,
+};
+use volraster::technique::Renderer;
+use volraster::{Gpu, GpuScene};
+
+const DRAWN: [SplatRule; 4] = [SplatRule::Khr, SplatRule::Inria, SplatRule::Antialiased, SplatRule::Ray];
+
+/// A number from -1 to 1, the same for each place.
+fn number(i: usize) -> f32 {
+    let hash = (i as u32).wrapping_mul(2_654_435_761) ^ 0x5bd1_e995;
+    (hash.wrapping_mul(2_246_822_519) >> 8) as f32 / 8_388_608.0 - 1.0
+}
+
+/// A cloud of splats of the sizes and shapes that scenes have.
+fn cloud(count: usize, degree: u32) -> GaussianParts {
+    let width = 3 * (degree as usize + 1).pow(2);
+    let place = |i: usize| [0, 1, 2].map(|k| 0.9 * number(11 * i + k));
+    GaussianParts {
+        centres: (0..count).map(place).collect(),
+        rotations: (0..count).map(|i| [1.1, number(7 * i), number(7 * i + 1), number(7 * i + 2)]).collect(),
+        log_scales: (0..count).map(|i| [3, 4, 5].map(|k| -3.2 + 1.2 * number(13 * i + k))).collect(),
+        opacities: (0..count).map(|i| 0.5 + 0.49 * number(17 * i)).collect(),
+        degree,
+        harmonics: (0..count * width)
+            .map(|i| number(5 * i) / if i % width < 3 { 1.0 } else { 6.0 })
+            .collect(),
+        ..GaussianParts::default()
+    }
+}
+
+fn scene(parts: GaussianParts, rule: SplatRule) -> Scene {
+    Scene::new(Gaussians::new(parts).unwrap().0, TransferFunction::from_rows(&[[0.0; 5]]).unwrap())
+        .with_rule(rule)
+}
+
+fn seen(projection: Projection, eye: DVec3) -> View {
+    let camera = Camera { eye, target: DVec3::ZERO, up: DVec3::NEG_Y, projection };
+    View::new(camera, 70, 52).unwrap()
+}
+
+fn views() -> [View; 3] {
+    [
+        seen(Projection::Perspective { fov_y_deg: 40.0 }, DVec3::new(1.0, -0.7, -3.0)),
+        seen(Projection::Perspective { fov_y_deg: 70.0 }, DVec3::new(0.2, 0.1, -0.4)),
+        seen(Projection::Orthographic { half_height: 1.2 }, DVec3::new(1.0, -0.7, -3.0)),
+    ]
+}
+
+fn compared(gpu: &Gpu, scene: &Scene, view: &View, options: &str) -> ([f64; 2], Image) {
+    let image = draw(gpu, scene, view, &format!("gaussians{options}"));
+    let truth = reference::render(scene, view, &ReferenceOptions::default(), None).unwrap();
+    let all = ImageErrors::between_f64(&image, &truth).unwrap().all;
+    ([all.rmse, all.max_abs], image)
+}
+
+/// From afar, from within and by parallel lines, of every degree of harmonics, in columns and in pixels, in one band and in several.
+#[test]
+fn each_rule_is_its_reference() {
+    let gpu = gpu();
+    for (i, view) in views().into_iter().enumerate() {
+        for rule in DRAWN {
+            for (degree, options) in taken(2, [(0, ""), (2, ":pairs=700"), (3, ":spread=pixels"), (4, "")]) {
+                let ([rmse, most], image) = compared(&gpu, &scene(cloud(900, degree), rule), &view, options);
+                println!("{i} {} degree {degree}{options}: {:.1e}, {:.1e}", rule.name(), rmse, most);
+                let bound = if rule == SplatRule::Inria { 2e-4 } else { 1e-4 };
+                assert!(rmse < bound, "{i} {} {degree}{options}: {:e}", rule.name(), rmse);
+                assert!(image.pixels().iter().any(|pixel| pixel[3] > 0.9));
+            }
+        }
+    }
+}
+
+/// Long and thin, flat, below a pixel, at the eye's plane, around and behind the eye, opaque, with harmonics at the poles.
+#[test]
+fn extreme_splats_are_those_of_the_reference() {
+    let gpu = gpu();
+    let alone = |place: [f32; 3], logs: [f32; 3], opacity: f32| GaussianParts {
+        centres: vec![place, [0.3, 0.2, 0.1]],
+        log_scales: vec![logs, [-2.0, -1.5, -1.0]],
+        opacities: vec![opacity, 0.7],
+        ..cloud(2, 3)
+    };
+    let inf = f32::NEG_INFINITY;
+    let cases = [
+        ("long", alone([0.0; 3], [0.0, -9.2, -9.2], 0.9)),
+        ("disc", alone([0.0; 3], [-0.5, -0.5, -9.7], 0.9)),
+        ("flat", alone([0.1, 0.0, 0.0], [-1.0, -1.5, inf], 0.9)),
+        ("needle", alone([0.0; 3], [-1.0, inf, inf], 0.9)),
+        ("small", alone([0.0; 3], [-7.0; 3], 1.0)),
+        ("opaque", alone([0.0; 3], [-1.0; 3], 1.0)),
+        ("huge", alone([0.0; 3], [3.0, 2.0, 4.0], 0.5)),
+        ("behind", alone([0.4, 0.2, -0.9], [-0.5, 0.0, -0.2], 0.8)),
+        ("around the eye", alone([0.25, 0.13, -0.35], [-1.0, -0.5, -2.0], 0.8)),
+        ("beside the eye", alone([0.6, 0.3, -0.41], [-1.0, -0.5, -2.0], 0.8)),
+        ("beside behind the eye", alone([0.6, 0.3, -0.55], [-1.0, -0.5, -1.3], 0.8)),
+        ("far", alone([100.0, -70.0, 900.0], [2.0, 3.0, 1.0], 0.8)),
+    ];
+    for (what, parts) in cases {
+        for view in views() {
+            for rule in DRAWN {
+                let ([rmse, most], image) = compared(&gpu, &scene(parts.clone(), rule), &view, "");
+                assert!(image.pixels().iter().flatten().all(|x| x.is_finite()), "{what} {}", rule.name());
+                println!("{what} {}: {:.1e}, {:.1e}", rule.name(), rmse, most);
+                assert!(rmse < 3e-4, "{what} {}: {:e}", rule.name(), rmse);
+            }
+        }
+    }
+}
+
+/// A rule that is asked for comes before the scene's; only rules with depths have an order of each pixel's own, surfaces and clip planes.
+#[test]
+fn options_and_cuts_follow_the_rule() {
+    let gpu = gpu();
+    let view = views()[0];
+    let khr = scene(cloud(200, 1), SplatRule::Khr);
+    let try_draw = |scene: &Scene, view: &View, options: &str| {
+        Renderer::new(&GpuScene::new(&gpu, scene.clone()), technique(&format!("gaussians:{options}")))
+            .render(view)
+    };
+    let by_option = try_draw(&khr, &view, "rule=ray").unwrap();
+    assert!(by_option == try_draw(&khr.clone().with_rule(SplatRule::Ray), &view, "").unwrap());
+    let why =
+        |scene: &Scene, view: &View, options: &str| try_draw(scene, view, options).unwrap_err().to_string();
+    assert!(why(&khr, &view, "order=pixel").contains("no depth on a ray"));
+    let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[x, y]| DVec3::new(x, y, 0.1));
+    let wall =
+        |alpha| Surface::new(corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]], [0.2, 0.4, 0.1, alpha]).unwrap();
+    let cut = khr.clone().with_surfaces(vec![wall(1.0)]);
+    assert!(why(&cut, &view, "").contains("ray, overlap, integral have"));
+    let clip = Clip::none().with_plane(DVec3::ZERO, DVec3::NEG_Z).unwrap();
+    assert!(why(&khr, &view.with_clip(clip), "").contains("ray, overlap, integral have"));
+    for (scene, view) in [(cut, view), (khr, view.with_clip(clip))] {
+        let ([rmse, _], _) = compared(&gpu, &scene.with_rule(SplatRule::Ray), &view, "");
+        assert!(rmse < 1e-4, "{:e}", rmse);
+    }
+}
