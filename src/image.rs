@@ -3,7 +3,17 @@
 use crate::error::{Error, Result};
 use crate::num;
 
-/// A premultiplied linear RGBA image in 32-bit float, over a transparent black background.
+/// What the numbers of colours are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Colours {
+    /// Amounts of light: files of 8 bits encode them.
+    #[default]
+    Linear,
+    /// Codes of sRGB from 0 to 1, as trained splats have them: files of 8 bits take them as they are.
+    Displayed,
+}
+
+/// A premultiplied RGBA image in 32-bit float, over a transparent black background; linear unless it says otherwise.
 ///
 /// # Shape
 ///
@@ -13,6 +23,7 @@ pub struct Image {
     width: u32,
     height: u32,
     pixels: Vec<[f32; 4]>,
+    colours: Colours,
 }
 
 impl Image {
@@ -34,7 +45,19 @@ impl Image {
                 ),
             ));
         }
-        Ok(Self { width, height, pixels })
+        Ok(Self { width, height, pixels, colours: Colours::Linear })
+    }
+
+    /// Returns the image with other colours, whose numbers stay.
+    #[must_use]
+    pub fn with_colours(self, colours: Colours) -> Self {
+        Self { colours, ..self }
+    }
+
+    /// Returns what the numbers of its colours are.
+    #[must_use]
+    pub fn colours(&self) -> Colours {
+        self.colours
     }
 
     /// Returns the number of pixels in a row.
@@ -49,7 +72,7 @@ impl Image {
         self.height
     }
 
-    /// Returns all pixels, premultiplied linear RGBA, top row first.
+    /// Returns all pixels, premultiplied RGBA, top row first.
     #[must_use]
     pub fn pixels(&self) -> &[[f32; 4]] {
         &self.pixels

@@ -27,7 +27,7 @@ pub use error::{Error, Result};
 pub use frame::{Offscreen, Plan, Recorded, Status, TargetDesc, TargetMode};
 pub use glam;
 pub use gpu::Gpu;
-pub use image::Image;
+pub use image::{Colours, Image};
 pub use resident::{GpuScene, GridBytes, Integrator, SegmentOptions, UploadTimes};
 pub use technique::{FrameTime, Frames, Method, Renderer, Technique};
 

@@ -11,7 +11,7 @@ use exr::prelude::{
 };
 
 use crate::error::{Error, Result};
-use crate::image::Image;
+use crate::image::{Colours, Image};
 use crate::io::options::ReadOptions;
 use crate::num;
 use crate::replace::replace;
@@ -32,7 +32,10 @@ pub fn write_image(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) 
     }
 }
 
-/// Writes 32-bit float OpenEXR with the channels R, G, B and A: premultiplied, linear, lossless.
+/// The comment of OpenEXR files whose colours are not linear.
+const DISPLAYED: &str = "colours are codes of sRGB from 0 to 1, premultiplied by alpha";
+
+/// Writes 32-bit float OpenEXR with the channels R, G, B and A: premultiplied, lossless. Its comment says so where colours are not linear.
 ///
 /// # Errors
 ///
@@ -44,8 +47,9 @@ pub fn write_exr(path: impl AsRef<Path>, image: &Image) -> Result<()> {
         (r, g, b, a)
     };
     let size = (num::index(image.width()), num::index(image.height()));
-    let layer =
-        Layer::new(size, LayerAttributes::default(), Encoding::SMALL_LOSSLESS, SpecificChannels::rgba(pixel));
+    let comments = (image.colours() == Colours::Displayed).then(|| DISPLAYED.into());
+    let attributes = LayerAttributes { comments, ..LayerAttributes::default() };
+    let layer = Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, SpecificChannels::rgba(pixel));
     let file = exr::prelude::Image::from_layer(layer);
     replace(path.as_ref(), |writer| {
         // The encoder patches offsets at the end, which needs a seekable writer.
@@ -92,11 +96,16 @@ pub fn read_exr(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Image> 
         .from_buffered(open()?)
         .map_err(broken)?;
     let size = image.layer_data.size;
+    let comments = image.layer_data.attributes.comments.as_ref().map(exr::prelude::Text::to_string);
+    let is_displayed = comments.as_deref() == Some(DISPLAYED);
+    let colours = if is_displayed { Colours::Displayed } else { Colours::Linear };
     let (_, pixels) = image.layer_data.channel_data.pixels;
     Image::new(num::count(size.width()), num::count(size.height()), pixels)
+        .map(|image| image.with_colours(colours))
 }
 
-/// Writes 8-bit PNG: composited over `background` (straight linear RGBA), then sRGB-encoded.
+/// Writes 8-bit PNG: composited over `background` (straight linear RGBA), then sRGB-encoded. Displayed colours are composited over
+/// the encoded background instead.
 ///
 /// An opaque background gives RGB, any other one RGBA. NaN becomes 0.
 ///
@@ -121,22 +130,28 @@ pub fn write_png(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) ->
 #[must_use]
 pub fn to_srgb8(image: &Image, background: [f64; 4]) -> Vec<u8> {
     let channels = if background[3] >= 1.0 { 3 } else { 4 };
+    let (background, encoding): (_, fn(f64) -> f64) = match image.colours() {
+        Colours::Linear => (background, srgb),
+        Colours::Displayed => {
+            let [r, g, b, a] = background;
+            ([srgb(r), srgb(g), srgb(b), a], |code| code)
+        }
+    };
     let mut bytes = Vec::with_capacity(image.pixels().len() * channels);
     for &pixel in image.pixels() {
-        bytes.extend_from_slice(&encode(pixel.map(f64::from), background)[..channels]);
+        bytes.extend_from_slice(&encode(pixel.map(f64::from), background, encoding)[..channels]);
     }
     bytes
 }
 
-/// Composites a premultiplied linear pixel over a straight linear background, and encodes the result as straight
-/// sRGB.
-fn encode(pixel: [f64; 4], background: [f64; 4]) -> [u8; 4] {
+/// Composites a premultiplied pixel over a straight background, and encodes the result as straight colours.
+fn encode(pixel: [f64; 4], background: [f64; 4], encoding: fn(f64) -> f64) -> [u8; 4] {
     let through = 1.0 - pixel[3];
     let alpha = pixel[3] + through * background[3];
     let code = |i: usize| {
         let premultiplied = pixel[i] + through * background[3] * background[i];
         let linear = if alpha > 0.0 { premultiplied / alpha } else { 0.0 };
-        num::u8_code(srgb(linear) * 255.0)
+        num::u8_code(encoding(linear) * 255.0)
     };
     [code(0), code(1), code(2), num::u8_code(alpha * 255.0)]
 }
@@ -162,15 +177,31 @@ fn one_line(text: &str) -> String {
 mod tests {
     use super::*;
 
+    /// Displayed colours go into PNG as they are, and OpenEXR files say what they hold.
+    #[test]
+    fn displayed_colours_are_not_encoded_again() {
+        let image = Image::new(2, 1, vec![[0.5, 0.25, 0.0, 0.5], [1.0, 0.2, 0.6, 1.0]]).unwrap();
+        let image = image.with_colours(Colours::Displayed);
+        assert_eq!(to_srgb8(&image, [0.0; 4]), [255, 128, 0, 128, 255, 51, 153, 255]);
+        // 0.2140 is the linear value of code 127.
+        assert_eq!(to_srgb8(&image, [0.2140, 0.0, 0.2140, 1.0])[..3], [191, 64, 64]);
+        let path = std::env::temp_dir().join(format!("volraster-displayed-{}.exr", std::process::id()));
+        for image in [image.clone(), image.with_colours(Colours::Linear)] {
+            write_exr(&path, &image).unwrap();
+            assert_eq!(read_exr(&path, &ReadOptions::default()).unwrap(), image);
+        }
+        std::fs::remove_file(path).unwrap();
+    }
+
     #[test]
     fn pixels_are_composited_in_linear_light_then_encoded() {
         // Half white over black is linear 0.5, code 188 (0.7354 * 255), not 128.
-        assert_eq!(encode([0.5, 0.5, 0.5, 0.5], [0.0, 0.0, 0.0, 1.0]), [188, 188, 188, 255]);
+        assert_eq!(encode([0.5, 0.5, 0.5, 0.5], [0.0, 0.0, 0.0, 1.0], srgb), [188, 188, 188, 255]);
         // Nothing over a background is the background; 0.2140 is the linear value of code 127.
-        assert_eq!(encode([0.0; 4], [1.0, 0.0, 0.2140, 1.0]), [255, 0, 127, 255]);
+        assert_eq!(encode([0.0; 4], [1.0, 0.0, 0.2140, 1.0], srgb), [255, 0, 127, 255]);
         // No background: straight colour, its alpha kept.
-        assert_eq!(encode([0.25, 0.0, 0.0, 0.25], [0.0; 4]), [255, 0, 0, 64]);
+        assert_eq!(encode([0.25, 0.0, 0.0, 0.25], [0.0; 4], srgb), [255, 0, 0, 64]);
         // Too much and no number.
-        assert_eq!(encode([7.0, f64::NAN, -1.0, 1.0], [0.0; 4]), [255, 0, 0, 255]);
+        assert_eq!(encode([7.0, f64::NAN, -1.0, 1.0], [0.0; 4], srgb), [255, 0, 0, 255]);
     }
 }

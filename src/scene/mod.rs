@@ -3,7 +3,7 @@
 //! The data are grids, tetrahedral meshes, points or trained Gaussian splats. Every value is checked when it is made, so whoever holds
 //! a [`Scene`] holds a valid one.
 //!
-//! This room uses only `error` and `num`. Readers make scenes; the reference, the device's copies and the
+//! This room uses only `error`, `image` and `num`. Readers make scenes; the reference, the device's copies and the
 //! techniques use them.
 
 mod affine;
@@ -57,6 +57,7 @@ pub use tets::{Mended, TetScalars, Tets};
 pub use transfer::{Knot, TransferFunction};
 
 use crate::error::{Error, Result};
+use crate::image::Colours;
 
 /// A volume with the optical properties of its scalars. Every technique and the reference draw one.
 #[derive(Clone, Debug)]
@@ -139,6 +140,12 @@ impl Scene {
     #[must_use]
     pub fn with_rule(self, rule: SplatRule) -> Self {
         Self { rule: Some(rule), ..self }
+    }
+
+    /// Returns what the numbers of colours are in its images: trained splats are blended as they are displayed.
+    #[must_use]
+    pub fn colours(&self) -> Colours {
+        if self.gaussians().is_some() { Colours::Displayed } else { Colours::Linear }
     }
 
     /// Returns the rule by which trained splats are drawn, if the data are such.

@@ -247,7 +247,8 @@ impl Frames {
         let (_, keep) = recorder.finish()?;
         self.commands.submit(keep, "read back")?;
         let [width, height] = self.plan.extent;
-        Picture::new(width, height, pixels(&host.host_copy()?, format))
+        let picture = Picture::new(width, height, pixels(&host.host_copy()?, format))?;
+        Ok(picture.with_colours(self.renderer.scene.scene().colours()))
     }
 
     /// Returns for each pixel of the last frame whether the k-buffer failed to sort its fragments, repaired since or not, row by row

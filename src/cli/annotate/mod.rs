@@ -124,7 +124,7 @@ impl Annotations<'_> {
         } else {
             put(&ink, false);
         }
-        Image::new(extent[0], extent[1], pixels)
+        Image::new(extent[0], extent[1], pixels).map(|drawn| drawn.with_colours(image.colours()))
     }
 
     /// Returns the visible parts of the edges of the box, and whether each lies behind the data.

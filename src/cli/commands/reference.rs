@@ -44,7 +44,7 @@ impl Args {
         let image = output::counting_rows(&settings.view, |rows| {
             reference::render(&scene, &settings.view, &options, Some(rows))
         });
-        let mut image = image?.to_image()?;
+        let mut image = image?.to_image()?.with_colours(scene.colours());
         let seconds = start.elapsed().as_secs_f64();
         let array = settings.report.shown_name();
         if let Some(annotations) = self.annotations.prepare(&scene, array, settings.background)? {

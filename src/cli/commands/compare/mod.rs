@@ -12,10 +12,10 @@ mod row;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use volraster::Result;
 use volraster::io::{ReadOptions, read_exr, write_exr, write_png};
 use volraster::reference::ReferenceImage;
 use volraster::scene::{Data, Scene, View};
+use volraster::{Colours, Result};
 
 use self::entry::{Entry, FRAMES, draw, read};
 use self::page::Page;
@@ -105,7 +105,7 @@ impl Args {
             ("Frames", format!("{FRAMES} timed, after one warm-up frame")),
             ("volraster", env!("CARGO_PKG_VERSION").to_string()),
         ];
-        let truth_png = self.write_truth(&truth, settings.background)?;
+        let truth_png = self.write_truth(&truth, scene.colours(), settings.background)?;
         let rows = self.write_entries(&entries, &truth, settings.background)?;
         let lines: Vec<_> =
             std::iter::once(HEADING.map(str::to_string)).chain(rows.iter().map(Row::line)).collect();
@@ -145,8 +145,8 @@ impl Args {
     }
 
     /// Writes the ground truth and returns it as PNG.
-    fn write_truth(&self, truth: &ReferenceImage, background: [f64; 4]) -> Result<Vec<u8>> {
-        let image = truth.to_image()?;
+    fn write_truth(&self, truth: &ReferenceImage, colours: Colours, background: [f64; 4]) -> Result<Vec<u8>> {
+        let image = truth.to_image()?.with_colours(colours);
         if self.wants_reference() {
             write_exr(self.output.join("reference.exr"), &image)?;
         }
