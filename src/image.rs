@@ -95,6 +95,13 @@ impl Image {
     }
 }
 
+/// Applies the sRGB transfer curve (IEC 61966-2-1). Values outside [0, 1] are clamped, NaN stays NaN.
+#[cfg(any(feature = "io", feature = "window"))]
+pub(crate) fn srgb(linear: f64) -> f64 {
+    let linear = linear.clamp(0.0, 1.0);
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -371,6 +371,7 @@ pub(crate) struct PicturePush {
     pub(crate) background: [f32; 4],
     pub(crate) corner: [f32; 2],
     pub(crate) size: [f32; 2],
+    pub(crate) displayed: u32,
 }
 
 /// The push constants of `panel.glsl`.

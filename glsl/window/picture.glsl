@@ -1,7 +1,7 @@
 // entry vertex   VERTEX
 // entry fragment FRAGMENT
 //
-// Draws a picture into a rectangle of a window: composited over a background, encoded as sRGB, magnified where it has fewer pixels
+// Draws a picture into a rectangle of a window: composited over a background, encoded as sRGB unless it is displayed as it is, magnified where it has fewer pixels
 // than the rectangle. Around it the window has the colour of the background.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -19,9 +19,10 @@ layout(set = 0, binding = BINDING_SOURCE) uniform sampler2D source;
 layout(location = 0) out vec4 colour;
 
 layout(push_constant, std430) uniform PicturePush {
-    vec4 background; // premultiplied, linear
+    vec4 background; // premultiplied, of colours as the picture's
     vec2 corner;     // of the rectangle, pixels
     vec2 size;       // of the rectangle, pixels
+    uint displayed;  // 1: colours are shown as they are; else they are linear
 } push;
 
 // Returns the picture at a position in pixels. The format may have no linear filter.
@@ -45,6 +46,7 @@ void main() {
     }
     vec3 linear = clamp(shown.rgb + push.background.rgb * (1.0 - shown.a), 0.0, 1.0);
     vec3 curved = 1.055 * pow(linear, vec3(1.0 / 2.4)) - 0.055;
-    colour = vec4(mix(curved, 12.92 * linear, lessThanEqual(linear, vec3(0.0031308))), 1.0);
+    bvec3 kept = lessThanEqual(linear, vec3(0.0031308));
+    colour = vec4(push.displayed != 0u ? linear : mix(curved, 12.92 * linear, kept), 1.0);
 }
 #endif

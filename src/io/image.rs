@@ -11,7 +11,7 @@ use exr::prelude::{
 };
 
 use crate::error::{Error, Result};
-use crate::image::{Colours, Image};
+use crate::image::{Colours, Image, srgb};
 use crate::io::options::ReadOptions;
 use crate::num;
 use crate::replace::replace;
@@ -154,12 +154,6 @@ fn encode(pixel: [f64; 4], background: [f64; 4], encoding: fn(f64) -> f64) -> [u
         num::u8_code(encoding(linear) * 255.0)
     };
     [code(0), code(1), code(2), num::u8_code(alpha * 255.0)]
-}
-
-/// Applies the sRGB transfer curve (IEC 61966-2-1). Values outside [0, 1] are clamped, NaN stays NaN.
-fn srgb(linear: f64) -> f64 {
-    let linear = linear.clamp(0.0, 1.0);
-    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
 fn io_error(error: exr::error::Error) -> std::io::Error {

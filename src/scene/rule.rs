@@ -39,6 +39,19 @@ impl SplatRule {
         Self::ALL.iter().find(|(_, rule)| *rule == self).map_or("?", |(name, _)| name)
     }
 
+    /// Finds the rule of a name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] for an unknown name; it lists the known ones.
+    pub fn named(name: &str) -> Result<Self> {
+        let found = Self::ALL.iter().find(|(word, _)| *word == name).map(|(_, rule)| *rule);
+        found.ok_or_else(|| {
+            let names = Self::ALL.map(|(word, _)| word).join(", ");
+            Error::invalid("rule", format!("\"{name}\": must be one of {names}"))
+        })
+    }
+
     /// Returns the rule that splats were trained under; that of the first paper where nothing is known.
     #[must_use]
     pub fn of(mode: TrainedMode) -> Self {

@@ -11,7 +11,7 @@ use crate::frame::read_back::pixels;
 use crate::frame::target::{TargetDesc, TargetMode};
 use crate::gpu::shader::{FLAG_REPAIRED, FLAG_UNSORTED, TILE, TILE_PIXELS};
 use crate::gpu::{Buffer, BufferUse, Commands, PassTime, Recorder};
-use crate::image::Image as Picture;
+use crate::image::{Colours, Image as Picture};
 use crate::num;
 use crate::resident::GpuScene;
 use crate::scene::View;
@@ -248,7 +248,13 @@ impl Frames {
         self.commands.submit(keep, "read back")?;
         let [width, height] = self.plan.extent;
         let picture = Picture::new(width, height, pixels(&host.host_copy()?, format))?;
-        Ok(picture.with_colours(self.renderer.scene.scene().colours()))
+        Ok(picture.with_colours(self.colours()))
+    }
+
+    /// Returns what the numbers of colours are.
+    #[must_use]
+    pub fn colours(&self) -> Colours {
+        self.renderer.scene.scene().colours()
     }
 
     /// Returns for each pixel of the last frame whether the k-buffer failed to sort its fragments, repaired since or not, row by row

@@ -17,6 +17,7 @@ use crate::gpu::{
     Attachment, Blend, Bound, Buffer, Commands, Descriptors, Gpu, GraphicsState, Image, ImageDesc, Pipeline,
     Recorder, Surface,
 };
+use crate::image::{Colours, srgb};
 use crate::interface::{PanelPush, PicturePush};
 use crate::num::{count, f32_of, index};
 use crate::technique::Frames;
@@ -123,11 +124,14 @@ impl Screen {
     fn picture(&self, picture: &Picture<'_>, image: &Arc<Image>) -> Result<(Draw, PicturePush)> {
         let fragment = PictureFragment { source: image.sampled(vk::Filter::NEAREST) };
         let bound = PICTURE_VERTEX.with(&PictureVertex {}).and(PICTURE_FRAGMENT.with(&fragment));
+        let is_displayed = picture.frames.colours() == Colours::Displayed;
         let [r, g, b, a] = picture.background;
+        let [r, g, b] = if is_displayed { [r, g, b].map(srgb) } else { [r, g, b] };
         let push = PicturePush {
             background: [r * a, g * a, b * a, a].map(f32_of),
             corner: picture.corner.map(|place| f32_of(place.into())),
             size: picture.size.map(|side| f32_of(side.into())),
+            displayed: u32::from(is_displayed),
         };
         Ok((self.draw("window.picture", &bound, Blend::Copy)?, push))
     }

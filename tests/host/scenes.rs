@@ -193,7 +193,7 @@ const SEEDS: [&str; 6] = [
         "least": 0.1}, "transfer": {"file": "knots.json"}}"#,
     r#"{"volume": {"file": "a.raw", "dims": [2, 2, 2], "type": "u8", "offset": 1},
         "transfer": {"isosurface": 3, "colour": [1, 1, 1]}}"#,
-    r#"{"gaussians": {"file": "a.splat", "axes": "Rdf", "turn_to": "rub"}, "image": {"width": 8}}"#,
+    r#"{"gaussians": {"file": "a.splat", "axes": "Rdf", "turn_to": "rub", "rule": "khr"}, "image": {"width": 8}}"#,
 ];
 
 /// Places of all values in a document.
@@ -296,6 +296,7 @@ fn the_schema_refuses_broken_scenes() {
         r#"{"gaussians": {"axes": "rdf"}}"#.to_string(),
         r#"{"gaussians": {"file": "a.splat", "axes": "rrr"}}"#.to_string(),
         r#"{"gaussians": {"file": "a.splat", "turn_to": "ruf"}}"#.to_string(),
+        r#"{"gaussians": {"file": "a.splat", "rule": "khronos"}}"#.to_string(),
         r#"{"gaussians": {"file": "a.splat"}, "transfer": {"preset": "fog"}}"#.to_string(),
         r#"{"gaussians": {"file": "a.splat"}, "kernels": {}}"#.to_string(),
         with(r#""light": 1"#),

@@ -7,13 +7,15 @@ use crate::io::options::ReadOptions;
 use crate::io::read_data;
 use crate::io::report::{Loaded, Report};
 use crate::num;
-use crate::scene::{Data, KernelSize};
+use crate::scene::{Data, KernelSize, SplatRule};
 
 /// The data of a scene, and the file it comes from.
 pub(crate) struct SceneData {
     pub(crate) data: Data,
     pub(crate) file: PathBuf,
     pub(crate) report: Report,
+    /// The rule that trained splats are drawn by.
+    pub(crate) rule: Option<SplatRule>,
 }
 
 impl SceneData {
@@ -30,7 +32,7 @@ impl SceneData {
             }
             data => data,
         };
-        Self { data, file: file.to_path_buf(), report }
+        Self { data, file: file.to_path_buf(), report, rule: None }
     }
 
     /// Wraps an analytic field.

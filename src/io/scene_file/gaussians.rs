@@ -8,12 +8,12 @@ use serde::Deserialize;
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::{SceneData, beside, read};
-use crate::io::scene_file::schema::{any_case, needs, rules};
-use crate::scene::{Axes, StoredAxes};
+use crate::io::scene_file::schema::{any_case, needs, rules, words};
+use crate::scene::{Axes, SplatRule, StoredAxes};
 
 /// Trained Gaussian splats in a file.
 #[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, expecting = "an object with `file`, `axes` and `turn_to`")]
+#[serde(deny_unknown_fields, expecting = "an object with `file`, `axes`, `turn_to` and `rule`")]
 #[schemars(transform = rules([needs(&["file"])]))]
 pub(crate) struct GaussiansSpec {
     /// Names a file that holds Gaussian splats.
@@ -25,6 +25,9 @@ pub(crate) struct GaussiansSpec {
     /// Sets right-handed axes that the splats are turned to, with their colours. Left out: they are not turned.
     #[schemars(transform = any_case(PROPOSED, Axes::ALL.map(Axes::name)))]
     turn_to: Option<String>,
+    /// Selects the rule of drawing. Left out: the one that the splats were trained under, as far as the file tells, else `inria`.
+    #[schemars(transform = words(SplatRule::ALL.map(|(name, _)| name)))]
+    rule: Option<String>,
 }
 
 /// Axes that an editor proposes: of PLY files, of SPZ, of glTF, and with z up.
@@ -48,6 +51,7 @@ impl GaussiansSpec {
         };
         let file = beside(scene, file);
         let loaded = read("gaussians", &file, &options)?;
-        Ok(SceneData::new(&file, loaded))
+        let rule = self.rule.as_deref().map(SplatRule::named).transpose().map_err(at("gaussians.rule"))?;
+        Ok(SceneData { rule, ..SceneData::new(&file, loaded) })
     }
 }

@@ -122,7 +122,7 @@ impl LoadedScene {
 
     /// Assembles the scene, with defaults for missing parts.
     fn assemble(path: &Path, source: SceneData, rest: Rest) -> Result<Self> {
-        let SceneData { data, file, report } = source;
+        let SceneData { data, file, report, rule } = source;
         let [width, height] = rest.extent.unwrap_or([Self::DEFAULT_SIDE; 2]);
         let located = |error: Error| error.in_file(path);
         let transfer_is_automatic = rest.transfer.is_none();
@@ -131,6 +131,7 @@ impl LoadedScene {
             None => auto::transfer_in(&data, rest.kernels.as_ref(), rest.mode).map_err(located)?,
         };
         let mut scene = Scene::new(data, transfer);
+        scene.rule = rule;
         if let Some(kernels) = rest.kernels {
             scene = scene.with_kernels(kernels).map_err(located)?;
         }
