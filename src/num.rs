@@ -26,6 +26,23 @@ pub(crate) fn f64_of_u64(value: u64) -> f64 {
     value as f64
 }
 
+/// Returns the nearest half-precision number, of two the even one, as its bits. What exceeds their range becomes its end.
+pub(crate) fn half_of(value: f32) -> u16 {
+    const LEAST_NORMAL: f32 = 6.103_515_6e-5;
+    const MOST: f32 = 65_504.0;
+    let (bits, magnitude) = (value.abs().to_bits(), value.abs());
+    let code = if magnitude >= MOST {
+        0x7bff
+    } else if magnitude < LEAST_NORMAL {
+        // Steps of 2^-24.
+        u32_of((f64::from(magnitude) * 16_777_216.0).round_ties_even())
+    } else {
+        (bits + 0xfff + (bits >> 13 & 1) - (112 << 23)) >> 13
+    };
+    let sign = if value.is_sign_negative() { 0x8000 } else { 0 };
+    u16::try_from(code).unwrap_or(0x7bff) | sign
+}
+
 /// Truncates towards zero and saturates at both ends; NaN gives 0.
 pub(crate) fn usize_of(value: f64) -> usize {
     value as usize

@@ -17,6 +17,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn halves_round_to_the_nearest() {
+        use crate::num::half_of;
+        for code in 0..0x7c00_u16 {
+            for code in [code, code | 0x8000] {
+                assert_eq!(half_of(from_half(code)), code);
+            }
+            // The middle of two goes to the even one.
+            if code < 0x7bff {
+                let middle = 0.5 * (from_half(code) + from_half(code + 1));
+                assert_eq!(half_of(middle), code + code % 2, "{code:x}");
+                assert_eq!(half_of(middle * 1.0001), code + 1);
+            }
+        }
+        assert_eq!([f32::MAX, -7e4, f32::INFINITY].map(half_of), [0x7bff, 0xfbff, 0x7bff]);
+    }
+
+    #[test]
     fn halves_are_exact() {
         for (bits, value) in [
             (0x0000, 0.0),

@@ -2,14 +2,12 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
-use half::f16;
-
 use crate::error::{Error, Result};
 use crate::gpu::shader::TRAINED_WORDS;
 use crate::gpu::{Buffer, Gpu};
 use crate::num;
 use crate::scene::{Gaussians, harmonics};
+use glam::DVec3;
 
 /// Trained splats as `gaussians-project.glsl` reads them.
 ///
@@ -139,11 +137,9 @@ fn rotation(parts: [f32; 4]) -> [u32; 2] {
     [a | b << 15 | c << 30, c >> 2 | num::count(greatest) << 13]
 }
 
-/// Packs two half floats, the first in the lower word. What exceeds their range becomes its end.
+/// Packs two half floats, the first in the lower word.
 fn halves(low: f32, high: f32) -> u32 {
-    let [low, high] = [low, high]
-        .map(|x| u32::from(f16::from_f32(x.clamp(f16::MIN.to_f32(), f16::MAX.to_f32())).to_bits()));
-    low | high << 16
+    u32::from(num::half_of(low)) | u32::from(num::half_of(high)) << 16
 }
 
 /// Returns three of the longest standard deviations of a splat that few exceed.

@@ -59,8 +59,6 @@ pub(crate) enum Of {
     Gaussians,
     /// Other kernels, except for meshes.
     Others,
-    /// Trained splats.
-    Trained,
 }
 
 impl Of {
@@ -69,13 +67,13 @@ impl Of {
         let kernels = match (&scene.data, scene.kernels) {
             (Data::Grid(_), None) => return self == Self::Grids,
             (Data::Mesh(_), None) => return self == Self::Meshes,
-            (Data::Gaussians(_), _) => return self == Self::Trained,
+            (Data::Gaussians(_), _) => return false,
             (Data::Points(_), None) => Kernels::of_points(),
             (_, Some(kernels)) => kernels,
         };
         let gaussian = kernels.kernel == Kernel::Gaussian;
         match self {
-            Self::Grids | Self::Meshes | Self::Trained => false,
+            Self::Grids | Self::Meshes => false,
             Self::Densities => gaussian && kernels.model == Model::Density,
             Self::Gaussians => gaussian,
             Self::Others => !gaussian && scene.mesh().is_none(),

@@ -33,7 +33,7 @@ use crate::primitives::radix_sort::RadixSort;
 use crate::resident::GpuScene;
 use crate::resident::splats::trained::TrainedSet;
 use crate::scene::{SplatRule, View};
-use crate::technique::declare::draw::{Draw, Facts, Of, TechniqueOptions};
+use crate::technique::declare::draw::{Draw, Facts, TechniqueOptions};
 use crate::technique::declare::{Value, option_set, refused, words};
 use crate::technique::splat::bands::{BandedDraw, Repair, Rounds, bands_of};
 use crate::technique::splat::options::TileOptions;
@@ -83,7 +83,7 @@ impl TechniqueOptions for Options {
         splits_rays: false,
         modes: &[],
         samples: &[],
-        families: &[(Of::Trained, "", &[""])],
+        families: &[],
     };
 }
 

@@ -285,15 +285,17 @@ mod tests {
 
     #[test]
     fn the_sweeps_cover_every_technique_and_route() {
+        // No suite has scenes of trained splats.
+        let is_covered = |method: &Method| method.data() != ["gaussians"];
         for sweeps in [STANDARD, SMOKE, SIZES, DATA] {
             let settings = settings(sweeps).unwrap();
-            for method in Method::ALL {
+            for method in Method::ALL.into_iter().filter(is_covered) {
                 assert!(settings.iter().any(|setting| setting.technique.method() == method), "{method:?}");
             }
         }
         for (sweeps, least) in [(STANDARD, MIDDLE.len()), (SMOKE, 1), (SIZES, 1)] {
             let settings = settings(sweeps).unwrap();
-            for (method, route) in input::all_routes() {
+            for (method, route) in input::all_routes().filter(|(method, _)| is_covered(method)) {
                 let drawn =
                     |setting: &&Setting| setting.technique.method() == method && setting.route == route;
                 assert!(settings.iter().filter(drawn).count() >= least, "{method:?} {route}");
