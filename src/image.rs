@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::num;
 
-/// What the numbers of colours are.
+/// Selects how the numbers of colours are meant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Colours {
     /// Amounts of light: files of 8 bits encode them.

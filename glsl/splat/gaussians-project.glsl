@@ -118,7 +118,7 @@ vec3 coefficient(uint first, uint i) {
     return (i & 1u) == 0u ? vec3(low, high.x) : vec3(low.y, high);
 }
 
-// The colour of a splat from a direction: gaussians.rs of the reference has the functions, the phase (-1)^m among them.
+// Returns the colour of a splat from a direction: src/scene/harmonics.rs has the functions and their factors.
 vec3 colour_of(uint i, Trained splat) {
     vec3 sum = fma(vec3(0.28209479), splat.dc, vec3(0.5));
     if (push.degree > 0u) {
@@ -160,7 +160,7 @@ vec3 colour_of(uint i, Trained splat) {
     return max(sum, vec3(0.0));
 }
 
-// What is drawn of a splat: its place, L, b and C, and the box of pixels that it may cover. L is 0 where nothing is.
+// A splat in the image: its place, L, b, C and e, and the box of pixels that it may cover. L is 0 where nothing is drawn.
 struct Drawn {
     vec2 place;
     vec3 l;
@@ -171,8 +171,7 @@ struct Drawn {
     vec4 box;
     float end;     // squared distance, in bits, at which it ends
     float opacity;
-    float depth;   // of the centre
-    float reach;   // by rays: from its depth to where lines meet it
+    float reach;   // by rays: from the depth of the centre to where lines meet it
 };
 
 Drawn by_image(Trained splat) {
@@ -197,7 +196,6 @@ Drawn by_image(Trained splat) {
     drawn.box = vec4(0.0);
     drawn.end = HALF_LOG2E * CUT;
     drawn.opacity = splat.opacity;
-    drawn.depth = splat.depth;
     drawn.reach = 0.0;
     if ((perspective && z <= 0.2) || !(det > 0.0) || det > 1e37) return drawn;
     drawn.l = vec3(sqrt(yy / det) * vec2(1.0, -xy / yy), inversesqrt(yy)) * sqrt(HALF_LOG2E);
@@ -218,8 +216,8 @@ Drawn by_image(Trained splat) {
     return drawn;
 }
 
-// Least and greatest place of what spans an ellipsoid: of the planes x = s z that touch it. `across` is m_x Z - m_z X, `minors` m_x × m_z at
-// the cut.
+// Returns the least and the greatest place of an ellipsoid: of the planes x = s z that touch it. The discriminant is a difference of squares of
+// `across` = m_x Z - m_z X and `minors` = m_x × m_z, which does not cancel for small splats.
 vec2 places(float x, float z, vec3 row, vec3 ahead, float depth) {
     vec3 across = row * z - ahead * x, minors = cross(row, ahead);
     float middle = x * z - dot(row, ahead), root = sqrt(max(dot(across, across) - dot(minors, minors), 0.0));
@@ -252,7 +250,6 @@ Drawn by_rays(Trained splat) {
     drawn.at = splat.depth + (perspective && !own_place ? dot(kb, kw) / along - z : 0.0);
     drawn.end = 0.0;
     drawn.opacity = splat.opacity;
-    drawn.depth = splat.depth;
     mat3 root = mat3(splat.rotation[0] * splat.lengths.x, splat.rotation[1] * splat.lengths.y, splat.rotation[2] * splat.lengths.z);
     vec3 right = 3.0 * (push.right.xyz * root), down = 3.0 * (push.down.xyz * root), ahead = 3.0 * (push.forward.xyz * root);
     float depth = z * z - dot(ahead, ahead);
@@ -282,7 +279,7 @@ void main() {
     boxes[i] = box;
     order[i] = i;
     // By pixels: splats whose centres are as deep, and those of great reach earlier by what others have not.
-    float key = ORDER == ORDER_DISTANCES && push.perspective != 0u ? splat.beyond : drawn.depth;
+    float key = ORDER == ORDER_DISTANCES && push.perspective != 0u ? splat.beyond : splat.depth;
     if (ORDER == ORDER_PIXELS) key -= max(drawn.reach - push.reach, 0.0);
     sort_keys[i] = there ? float_key(key) : 0xffffffffu;
     if (!there) return;

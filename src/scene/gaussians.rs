@@ -56,13 +56,13 @@ pub struct GaussianParts {
     pub degree: u32,
     /// For each splat, for each function of [`harmonics::basis`], a coefficient of red, green and blue.
     pub harmonics: Vec<f32>,
-    /// What the axes point to.
+    /// The directions that the axes point to.
     pub axes: Axes,
     /// The rule that the splats were trained under.
     pub mode: TrainedMode,
 }
 
-/// What [`Gaussians::new`] left out or changed, in splats.
+/// The numbers of splats that [`Gaussians::new`] left out or changed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dropped {
     /// Left out: a number is NaN.

@@ -108,7 +108,7 @@ impl Columns {
     }
 }
 
-/// What a file says of its splats.
+/// The facts that a file tells of its splats.
 pub(crate) struct About {
     pub(crate) format: &'static str,
     pub(crate) axes: StoredAxes,

@@ -138,7 +138,7 @@ struct Section {
     bucket: u64,
     /// The offset of the records.
     records: u64,
-    /// What a unit of a position of 16 bits is, and the position that stands for the centre.
+    /// The length of a unit of a position of 16 bits, and the position that stands for the centre.
     unit: f64,
     zero: f64,
     degree: u32,

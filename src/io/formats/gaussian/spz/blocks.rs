@@ -34,7 +34,7 @@ impl Block {
     }
 }
 
-/// What the bytes of a splat depend on.
+/// The properties of a file that decide how the bytes of its splats are read.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coding {
     pub(super) version: u32,

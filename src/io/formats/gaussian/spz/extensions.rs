@@ -17,7 +17,7 @@ const NAMES: [&str; 16] = [
     "rbu",
 ];
 
-/// What the records say.
+/// The facts that the records tell.
 #[derive(Debug, Default)]
 pub(super) struct Extensions {
     pub(super) axes: Option<StoredAxes>,
