@@ -111,8 +111,17 @@ impl BandedDraw {
         ]
     }
 
-    /// Records all passes, and copies of what they count.
-    pub(super) fn record(&self, recorder: &mut Recorder<'_>, push: SplatPush, outcome: &SplatOutcome) {
+    /// Records a frame: `stage`, which ranks splats, then all passes, and copies of what they count.
+    pub(super) fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        push: SplatPush,
+        status: &Arc<Buffer>,
+        outcome: &SplatOutcome,
+        stage: impl FnOnce(&mut Recorder<'_>),
+    ) {
+        recorder.clear_buffer("status.clear", status);
+        stage(recorder);
         for (i, (band, total)) in self.bands.iter().zip(&outcome.bins).enumerate() {
             self.bins.record(recorder, self.across, [band.first, band.tiles]);
             recorder.copy_buffer("bins.total", self.bins.total(), total, 8);
@@ -130,5 +139,7 @@ impl BandedDraw {
                 self.draw.record(recorder, push, self.rounds, &tiles);
             }
         }
+        recorder.copy_buffer("status", status, &outcome.status, outcome.status.size());
+        recorder.release_to_host(&outcome.status);
     }
 }

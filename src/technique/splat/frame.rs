@@ -310,12 +310,10 @@ impl Prepared for SplatFrame {
     }
 
     fn record(&self, recorder: &mut Recorder<'_>, _target: Option<&TargetImage>, _clear: bool) {
-        recorder.clear_buffer("status.clear", &self.status);
-        self.project.record(recorder, &self.view.project, groups_of(self.set.count, 64));
-        self.sort.record(recorder);
         let push = SplatPush { turns: self.desc.turns, ..self.view.draw };
-        self.banded.record(recorder, push, &self.outcome);
-        recorder.copy_buffer("status", &self.status, &self.outcome.status, self.outcome.status.size());
-        recorder.release_to_host(&self.outcome.status);
+        self.banded.record(recorder, push, &self.status, &self.outcome, |recorder| {
+            self.project.record(recorder, &self.view.project, groups_of(self.set.count, 64));
+            self.sort.record(recorder);
+        });
     }
 }

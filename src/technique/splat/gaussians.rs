@@ -328,11 +328,9 @@ impl Prepared for TrainedFrame {
     }
 
     fn record(&self, recorder: &mut Recorder<'_>, _target: Option<&TargetImage>, _clear: bool) {
-        recorder.clear_buffer("status.clear", &self.status);
-        self.project.record(recorder, &self.pushes.0, groups_of(self.set.count, 64));
-        self.sort.record(recorder);
-        self.banded.record(recorder, self.pushes.1, &self.outcome);
-        recorder.copy_buffer("status", &self.status, &self.outcome.status, self.outcome.status.size());
-        recorder.release_to_host(&self.outcome.status);
+        self.banded.record(recorder, self.pushes.1, &self.status, &self.outcome, |recorder| {
+            self.project.record(recorder, &self.pushes.0, groups_of(self.set.count, 64));
+            self.sort.record(recorder);
+        });
     }
 }
