@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::gaussians::{GaussianParts, Gaussians};
 use super::grid::{Grid, sample_count};
 use super::kernel::named;
 use super::points::Points;
@@ -181,6 +182,32 @@ impl Field {
             scalars.push(num::f32_of(self.value(centre)));
         }
         Points::new(centres)?.with_scalars(scalars)
+    }
+
+    /// Makes `count` splats at random places of [-1, 1]³, the opaquer the greater the field is there.
+    ///
+    /// Their lengths differ, and shrink as their number grows. Colours follow the place, and change with the direction by harmonics
+    /// of degree 1. Splats are the same in every run, and the places of the first ones do not depend on `count`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if `count` is 0, or the splats do not fit into memory.
+    pub fn splats(self, count: u32) -> Result<Gaussians> {
+        let points = self.points(count)?;
+        let mut state = 1;
+        let mut number = || num::f32_of(2.0 * random(&mut state) - 1.0);
+        let length = num::f32_of(-f64::from(count).cbrt().ln());
+        let mut parts = GaussianParts { degree: 1, ..GaussianParts::default() };
+        for &centre in points.centres() {
+            let place = centre.to_array().map(num::f32_of);
+            parts.centres.push(place);
+            parts.rotations.push([1.5, number(), number(), number()]);
+            parts.log_scales.push([length + number(), length - 0.5, length - 0.5 + number()]);
+            parts.opacities.push(num::f32_of(0.05 + 0.9 * self.value(centre)));
+            parts.harmonics.extend(place);
+            parts.harmonics.extend(std::iter::repeat_with(|| 0.4 * number()).take(9));
+        }
+        Ok(Gaussians::new(parts)?.0)
     }
 }
 

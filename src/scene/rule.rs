@@ -1,6 +1,7 @@
 //! The rules by which trained splats are drawn.
 
 use super::TrainedMode;
+use super::kernel::named;
 use crate::error::{Error, Result};
 
 /// A rule by which trained splats are projected, ordered and blended. Scenes are trained under one, and look different under others.
@@ -45,11 +46,7 @@ impl SplatRule {
     ///
     /// [`Error::Invalid`] for an unknown name; it lists the known ones.
     pub fn named(name: &str) -> Result<Self> {
-        let found = Self::ALL.iter().find(|(word, _)| *word == name).map(|(_, rule)| *rule);
-        found.ok_or_else(|| {
-            let names = Self::ALL.map(|(word, _)| word).join(", ");
-            Error::invalid("rule", format!("\"{name}\": must be one of {names}"))
-        })
+        named("rule", name, &Self::ALL)
     }
 
     /// Returns the rule that splats were trained under; that of the first paper where nothing is known.

@@ -23,10 +23,7 @@ use volraster::Image;
 use volraster::gpu::{Gpu, OptionalFeature};
 use volraster::measure::ImageErrors;
 use volraster::reference::{self, ReferenceOptions};
-use volraster::scene::{
-    Camera, Field, GaussianParts, Gaussians, Lighting, Mode, Projection, Scene, SplatRule, TransferFunction,
-    View,
-};
+use volraster::scene::{Camera, Field, Lighting, Mode, Projection, Scene, SplatRule, TransferFunction, View};
 use volraster::technique::{Method, Renderer, Technique};
 
 /// Whether this run takes every case (`make test-all`), and not a selection of each kind (`make test`).
@@ -150,22 +147,6 @@ pub fn all_specs(gpu: &Gpu) -> Vec<String> {
     specs
 }
 
-/// Trained splats of many colours around the origin, drawn by a rule of rays.
-pub fn trained(count: usize) -> Scene {
-    let number = |i: usize| (i * 37 % 101) as f32 / 50.0 - 1.0;
-    let parts = GaussianParts {
-        centres: (0..count).map(|i| [number(i), number(3 * i + 5), number(7 * i + 9)]).collect(),
-        rotations: (0..count).map(|i| [1.5, number(i + 2), number(i + 3), number(i + 4)]).collect(),
-        log_scales: (0..count).map(|i| [-2.0 + number(i), -2.5, -2.5 + number(i + 8)]).collect(),
-        opacities: (0..count).map(|i| 0.5 + 0.45 * number(2 * i)).collect(),
-        degree: 1,
-        harmonics: (0..12 * count).map(|i| 0.5 * number(i + 1)).collect(),
-        ..GaussianParts::default()
-    };
-    Scene::new(Gaussians::new(parts).unwrap().0, TransferFunction::from_rows(&FOG).unwrap())
-        .with_rule(SplatRule::Ray)
-}
-
 /// A small scene of each kind and mode, with every technique that draws it by every route that the device offers.
 pub fn every_kind(gpu: &Gpu) -> Vec<(std::sync::Arc<GpuScene>, Vec<String>)> {
     let transfer = TransferFunction::from_rows(&FOG).unwrap();
@@ -173,10 +154,10 @@ pub fn every_kind(gpu: &Gpu) -> Vec<(std::sync::Arc<GpuScene>, Vec<String>)> {
     let scenes = [
         shown(Mode::Emission),
         Scene::new(Field::Blobs.tets(5).unwrap(), transfer.clone()),
-        Scene::new(Field::Blobs.points(300).unwrap().with_estimated_radius(), transfer),
+        Scene::new(Field::Blobs.points(300).unwrap().with_estimated_radius(), transfer.clone()),
         shown(Mode::Lit(Lighting::default())),
         shown(Mode::Maximum),
-        trained(200),
+        Scene::new(Field::Blobs.splats(200).unwrap(), transfer).with_rule(SplatRule::Ray),
     ];
     let specs = |scene: &Scene| {
         let methods = Method::ALL.into_iter().filter(|method| method.draws_scene(scene));

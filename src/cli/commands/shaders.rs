@@ -5,9 +5,7 @@ use std::collections::BTreeSet;
 use serde_json::{Value, json};
 use volraster::glam::DVec3;
 use volraster::gpu::{GpuOptions, ShaderStatistics};
-use volraster::scene::{
-    Camera, Field, GaussianParts, Gaussians, Projection, Scene, SplatRule, TransferFunction, View,
-};
+use volraster::scene::{Camera, Field, Projection, Scene, SplatRule, TransferFunction, View};
 use volraster::technique::Renderer;
 use volraster::{Error, Gpu, GpuScene, Result, TargetDesc};
 
@@ -79,8 +77,8 @@ fn prepare(gpu: &Gpu) -> Result<()> {
         Scene::new(Field::Blobs.sample([12, 11, 10], "f32")?, transfer()?),
         Scene::new(Field::Blobs.tets(3)?, transfer()?),
         Scene::new(Field::Blobs.points(300)?.with_estimated_radius(), transfer()?),
-        Scene::new(splats()?, transfer()?),
-        Scene::new(splats()?, transfer()?).with_rule(SplatRule::Ray),
+        Scene::new(Field::Blobs.splats(8)?, transfer()?),
+        Scene::new(Field::Blobs.splats(8)?, transfer()?).with_rule(SplatRule::Ray),
     ];
     let projection = Projection::Perspective { fov_y_deg: 42.0 };
     let camera = Camera { eye: DVec3::new(2.0, 1.5, 3.8), target: DVec3::ZERO, up: DVec3::Y, projection };
@@ -99,20 +97,6 @@ fn prepare(gpu: &Gpu) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Returns some trained splats.
-fn splats() -> Result<Gaussians> {
-    const COUNT: usize = 8;
-    let parts = GaussianParts {
-        centres: vec![[0.0; 3]; COUNT],
-        rotations: vec![[1.0, 0.0, 0.0, 0.0]; COUNT],
-        log_scales: vec![[-1.0; 3]; COUNT],
-        opacities: vec![0.5; COUNT],
-        harmonics: vec![1.0; 3 * COUNT],
-        ..GaussianParts::default()
-    };
-    Gaussians::new(parts).map(|(splats, _)| splats)
 }
 
 fn json_of(shader: &ShaderStatistics) -> Value {

@@ -82,7 +82,13 @@ impl TechniqueOptions for Options {
         routes: &["compute"],
         splits_rays: false,
         modes: &[],
-        samples: &[],
+        samples: &[
+            ("khr", "", [1e-4, 1e-3]),
+            ("inria", "", [2e-4, 1e-2]),
+            ("antialiased", "pairs=700", [2e-4, 1e-2]),
+            ("ray", "", [1e-4, 1e-3]),
+            ("ray", "order=depth", [2e-2, 0.1]),
+        ],
         families: &[],
     };
 }

@@ -4,8 +4,8 @@ use volraster::Result;
 use volraster::glam::DVec3;
 use volraster::io::scene_file::{PRESETS, Preset};
 use volraster::scene::{
-    Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Points, Projection, Scene, TransferFunction,
-    View,
+    Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Points, Projection, Scene, SplatRule,
+    TransferFunction, View,
 };
 use volraster::technique::Method;
 
@@ -20,6 +20,8 @@ pub(crate) enum Subject {
     Mesh,
     /// Points.
     Points,
+    /// Trained splats, drawn by a rule.
+    Trained(SplatRule),
 }
 
 /// Transfer function of all subjects: the preset `fog`.
@@ -39,6 +41,7 @@ impl Subject {
         match method.data() {
             ["mesh", ..] => Self::Mesh,
             ["points", ..] => Self::Points,
+            ["gaussians", ..] => Self::Trained(SplatRule::Ray),
             _ => Self::Grid("f32"),
         }
     }
@@ -49,13 +52,17 @@ impl Subject {
             "gaussians" => Self::Gaussians,
             "mesh" => Self::Mesh,
             "points" => Self::Points,
-            kind => Self::Grid(kind),
+            name => SplatRule::named(name).map_or(Self::Grid(name), Self::Trained),
         }
     }
 
     /// Makes the scene.
     pub(crate) fn scene(self) -> Result<Scene> {
         let data: Data = match self {
+            Self::Trained(rule) => {
+                let splats = Field::Blobs.splats(150)?;
+                return Ok(Scene::new(splats, TransferFunction::from_rows(&SMOKE)?).with_rule(rule));
+            }
             Self::Grid(kind) => Field::Blobs.sample([12, 11, 10], kind)?.into(),
             Self::Gaussians => Field::Blobs.sample([9, 8, 7], "f32")?.into(),
             Self::Mesh => Field::Blobs.tets(3)?.into(),
