@@ -46,6 +46,7 @@
 #define BINDING_SPLAT_RECORDS 45 // storage block: ellipse or depth range of each splat in the view
 #define BINDING_SPLAT_STATE 46  // storage block: where each invocation resumes in the next dispatch
 #define BINDING_SPLAT_HARMONICS 42 // storage block: coefficients of harmonics of trained splats, half floats
+#define BINDING_SPLAT_SLABS 65  // storage block: for each pixel the depths between its slabs, and what the slabs hold
 #define BINDING_SPLAT_TEMPLATE 47 // sampler2D: the footprint that all kernels of a lattice have under parallel rays
 
 #define BINDING_INTERMEDIATE 48 // storage block: texels of the intermediate images on the base planes
@@ -141,6 +142,7 @@
 #define SPEC_BY_STEPS 43      // bool: tiles have steps of their own, BINDING_TILE_STEPS
 #define SPEC_BY_TILE_LIST 44  // bool: only the tiles of BINDING_PIXELS are drawn
 #define SPEC_SPLAT_RULE 46    // uint: rule that trained splats are drawn by, one of RULE_*
+#define SPEC_SLAB_COUNT 47   // uint: slabs of each pixel
 #define SPEC_COUNTED 45       // bool: samples and fetches are counted
 
 // Values of SPEC_INTEGRATOR.
@@ -179,6 +181,8 @@
 #define RULE_INRIA 1
 #define RULE_ANTIALIASED 2
 #define RULE_RAY 3
+#define RULE_OVERLAP 4
+#define RULE_INTEGRAL 5
 
 // Trained splats: words of one without its further colours; vectors of one as a view sees it, and by rules of rays.
 #define TRAINED_WORDS 8

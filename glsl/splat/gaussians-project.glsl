@@ -62,6 +62,7 @@ layout(set = 0, binding = BINDING_BOXES, std430) writeonly buffer Boxes { uvec2 
 
 const bool RAYS = RULE >= RULE_RAY;
 const float HALF_LOG2E = 0.72134752; // turns squared distances into bits
+const float MOST_OPACITY = 0.99;      // of rules that cap it
 const float CUT = 9.0;               // squared distance at which splats end
 
 struct Trained {
@@ -172,6 +173,7 @@ struct Drawn {
     float end;     // squared distance, in bits, at which it ends
     float opacity;
     float reach;   // by rays: from the depth of the centre to where lines meet it
+    float sigma;   // and the standard deviation along the line of the place r, in depth
 };
 
 Drawn by_image(Trained splat) {
@@ -197,6 +199,7 @@ Drawn by_image(Trained splat) {
     drawn.end = HALF_LOG2E * CUT;
     drawn.opacity = splat.opacity;
     drawn.reach = 0.0;
+    drawn.sigma = 0.0;
     if ((perspective && z <= 0.2) || !(det > 0.0) || det > 1e37) return drawn;
     drawn.l = vec3(sqrt(yy / det) * vec2(1.0, -xy / yy), inversesqrt(yy)) * sqrt(HALF_LOG2E);
     if (RULE == RULE_ANTIALIASED) drawn.opacity *= sqrt(max(bare / det, 2.5e-5));
@@ -250,6 +253,7 @@ Drawn by_rays(Trained splat) {
     drawn.at = splat.depth + (perspective && !own_place ? dot(kb, kw) / along - z : 0.0);
     drawn.end = 0.0;
     drawn.opacity = splat.opacity;
+    drawn.sigma = most * k.x * s.x * inversesqrt(along);
     mat3 root = mat3(splat.rotation[0] * splat.lengths.x, splat.rotation[1] * splat.lengths.y, splat.rotation[2] * splat.lengths.z);
     vec3 right = 3.0 * (push.right.xyz * root), down = 3.0 * (push.down.xyz * root), ahead = 3.0 * (push.forward.xyz * root);
     float depth = z * z - dot(ahead, ahead);
@@ -285,8 +289,10 @@ void main() {
     if (!there) return;
     uint first = record_of(i, RAYS);
     records[first] = vec4(drawn.place, drawn.l.xy);
-    records[first + 1u] = vec4(drawn.l.z, log2(drawn.opacity), RAYS ? key : drawn.end, drawn.at);
-    records[first + 2u] = vec4(colour_of(i, splat), 0.0);
+    // Of an extinction that is Gaussian the optical depth, else the opacity.
+    float peak = RULE == RULE_INTEGRAL ? -log(1.0 - min(drawn.opacity, MOST_OPACITY)) : drawn.opacity;
+    records[first + 1u] = vec4(drawn.l.z, log2(peak), RAYS ? key : drawn.end, drawn.at);
+    records[first + 2u] = vec4(colour_of(i, splat), drawn.sigma);
     if (RAYS) {
         records[first + 3u] = vec4(drawn.c, 0.0);
         records[first + 4u] = vec4(drawn.b, drawn.e);

@@ -28,60 +28,15 @@
 #endif
 #include "splat/band.glsl"
 #include "splat/by-pixel.glsl"
-#include "splat/records.glsl"
+#include "splat/meet.glsl"
 
-layout(constant_id = SPEC_SPLAT_RULE) const uint RULE = RULE_KHR;
 layout(constant_id = SPEC_SPLAT_BY_PIXEL) const bool BY_PIXEL = false;
 
 layout(local_size_x = 64 / ROWS) in;
-layout(set = 0, binding = BINDING_SPLAT_RECORDS, std430) readonly buffer TrainedRecords { vec4 records[]; };
 
-const bool RAYS = RULE >= RULE_RAY;
-const float CUT_BITS = 6.4921277; // half of the squared distance at which splats end, to base 2
 // Of the first program: the greatest opacity, and the transmittance that a splat must leave.
 const bool THRESHOLDS = RULE == RULE_INRIA || RULE == RULE_ANTIALIASED;
 const float MOST_OPACITY = 0.99, LEAST_LEFT = 1e-4;
-
-// 1 in perspective, 0 where lines are parallel.
-#define PERSPECTIVE push.unit
-
-// A splat as a pixel meets it.
-struct Met {
-    float bits;  // half the squared distance, to base 2
-    float depth; // of the nearest point of the pixel's line, from the plane through the middle of all splats
-    bool there;  // whether it is drawn
-};
-
-// A splat's record.
-struct Record {
-    vec4 form;    // place, L
-    vec4 limits;  // L, logarithm of the opacity, end or key, depth at r
-    vec3 colour;
-    vec3 bend;    // C
-    vec4 turn;    // b, e
-};
-
-// Meets a splat with the line of a pixel, which is drawn between two depths.
-Met meet(vec2 pixel, Record record, vec2 reference, vec2 drawn) {
-    vec2 d = pixel - record.form.xy, own = vec2(fma(record.form.z, d.x, record.form.w * d.y), record.limits.x * d.y);
-    Met met = Met(dot(own, own), record.limits.w, true);
-    if (RAYS) {
-        vec2 f = pixel - reference;
-        float change = PERSPECTIVE * (2.0 * dot(record.turn.xy, f) + f.x * fma(record.bend.x, f.x, 2.0 * record.bend.y * f.y) + record.bend.z * f.y * f.y);
-        float inverse = 1.0 / max(1.0 + change, 1e-30);
-        met.bits *= inverse;
-        met.depth += (dot(record.turn.zw, f) - (record.limits.w + push.h) * change) * inverse;
-        met.there = met.depth > drawn.x && met.depth < drawn.y;
-    }
-    met.there = met.there && met.bits <= (RAYS ? CUT_BITS : record.limits.z);
-    return met;
-}
-
-// Returns the least depth at which the line may meet what follows a splat in its bin: bins ascend by the key of each, from which no line meets it
-// farther before than by most reaches.
-float followed_from(float key) {
-    return key - push.forward_reach.w;
-}
 
 #ifndef REPAIR
 void main() {
@@ -123,14 +78,12 @@ void main() {
         Record record;
         FETCH_TWO(records, at, record.form, record.limits)
         if (RAYS) {
-            vec4 colour, bend;
-            FETCH_TWO(records, at + 2u, colour, bend)
+            vec4 bend;
+            FETCH_TWO(records, at + 2u, record.colour, bend)
             record.turn = FETCH(records, at + 4u);
-            record.colour = colour.rgb;
             record.bend = bend.xyz;
         } else {
-            vec4 colour = FETCH(records, at + 2u);
-            record.colour = colour.rgb;
+            record.colour = FETCH(records, at + 2u);
         }
         vec2 reference = RAYS ? reference_of(record.form.xy, push.half_extent) : vec2(0.0);
         live = 0.0;
@@ -138,7 +91,7 @@ void main() {
             Met met = meet(from + vec2(0.0, float(r)), record, reference, drawn[r]); \
             if (BY_PIXEL) { \
                 if (met.there) { \
-                    Piece own = Piece(met.depth, exp2(record.limits.y - met.bits), record.colour); \
+                    Piece own = Piece(met.depth, exp2(record.limits.y - met.bits), record.colour.rgb); \
                     BLEND_NEAREST(r, own, sum[r], transmittance[r], last[r]) \
                     bool over = transmittance[r] <= opaque && followed_from(record.limits.z) > last[r]; \
                     ended |= uint(over || last[r] == BEHIND_ALL) << r; \
@@ -148,7 +101,7 @@ void main() {
                 if (THRESHOLDS) opacity = min(opacity, MOST_OPACITY); \
                 float share = transmittance[r] * opacity, left = transmittance[r] - share; \
                 bool ends = THRESHOLDS && left < LEAST_LEFT && met.there; \
-                sum[r] = fma(vec4(ends ? 0.0 : share), vec4(record.colour, 1.0), sum[r]); \
+                sum[r] = fma(vec4(ends ? 0.0 : share), vec4(record.colour.rgb, 1.0), sum[r]); \
                 transmittance[r] = ends ? 0.0 : left; \
             } \
             live = max(live, transmittance[r]); \
@@ -179,24 +132,19 @@ void begin_line(uvec2 pixel) {
     drawn = drawn_depths(pixel);
 }
 
-Record record_on_line(uint id) {
-    uint at = record_of(id, RAYS);
-    return Record(records[at], records[at + 1u], records[at + 2u].rgb, records[at + 3u].xyz, records[at + 4u]);
-}
-
 Met meet_on_line(Record record) {
     return meet(from, record, reference_of(record.form.xy, push.half_extent), drawn);
 }
 
 bool meets_line(uint id, out float at) {
-    Met met = meet_on_line(record_on_line(id));
+    Met met = meet_on_line(record_at(id));
     at = met.depth;
     return met.there;
 }
 
 void blend_on_line(uint id, inout vec4 sum, inout float transmittance) {
-    Record record = record_on_line(id);
-    blend_behind(sum, transmittance, record.colour, exp2(record.limits.y - meet_on_line(record).bits));
+    Record record = record_at(id);
+    blend_behind(sum, transmittance, record.colour.rgb, exp2(record.limits.y - meet_on_line(record).bits));
 }
 
 float followed_from(uint id, float at) {

@@ -41,13 +41,14 @@ impl Rounds {
     }
 }
 
-/// Returns the bands whose bins fit a buffer, and the capacity that the fullest needs.
+/// Returns the bands of at most `widest` tiles whose bins fit a buffer, and the capacity that the fullest needs.
 pub(super) fn bands_of(
     gpu: &Gpu,
     name: &str,
     options: &TileOptions,
     fill: &Fill,
     known: u32,
+    widest: u32,
 ) -> Result<(Vec<Band>, u32)> {
     // A fifth of the buffer and 192 entries stay free for the margin of nearby views.
     let room = |bytes: u64| (bytes / 4 - bytes / 20).saturating_sub(192);
@@ -56,7 +57,7 @@ pub(super) fn bands_of(
     let [most, in_tile] = [gpu.limits().max_storage_buffer_range.into(), gpu.most_buffer_bytes()]
         .map(|bytes| room(bytes).min(given.into()));
     let entries = fill.tiles.iter().map(|&entries| u64::from(entries));
-    let (bands, fullest) = cut_into_bands(entries, [most, in_tile], u32::MAX).map_err(|entries| {
+    let (bands, fullest) = cut_into_bands(entries, [most, in_tile], widest).map_err(|entries| {
         Error::unsupported(
             format!("{name} of this view"),
             format!("{entries} splats in one tile of {TILE} pixels; {in_tile} fit"),
@@ -83,7 +84,8 @@ pub(super) struct BandedDraw {
     pub(super) bands: Vec<Band>,
     /// Tiles in a row.
     pub(super) across: u32,
-    pub(super) draw: Rounds,
+    /// Passes over the bins, one after the other.
+    pub(super) draws: Vec<Rounds>,
     /// Draws again the pixels that are listed.
     pub(super) repair: Option<Repair>,
     /// Dispatches for each band.
@@ -128,15 +130,20 @@ impl BandedDraw {
             recorder.release_to_host(total);
             let push = SplatPush { band: band.first, tiles: band.tiles, ..push };
             let tiles = Groups::Fixed(groups_of(band.tiles, 1));
+            let draw = |recorder: &mut Recorder<'_>| {
+                for pass in &self.draws {
+                    pass.record(recorder, push, self.rounds, &tiles);
+                }
+            };
             if let Some((repair, count)) = self.repair.as_ref().zip(outcome.repaired.get(i)) {
                 recorder.clear_start("pixels.clear", &repair.pixels, count.size());
-                self.draw.record(recorder, push, self.rounds, &tiles);
+                draw(recorder);
                 recorder.copy_buffer("pixels.count", &repair.pixels, count, count.size());
                 recorder.release_to_host(count);
                 let listed = Groups::Counted(Arc::clone(&repair.pixels));
                 repair.draw.record(recorder, push, self.rounds, &listed);
             } else {
-                self.draw.record(recorder, push, self.rounds, &tiles);
+                draw(recorder);
             }
         }
         recorder.copy_buffer("status", status, &outcome.status, outcome.status.size());

@@ -230,7 +230,7 @@ impl SplatFrame {
             sort.record(recorder);
         })?;
         let known = *scene.splat_needs.lock().unwrap_or_else(PoisonError::into_inner);
-        let (bands, capacity) = bands_of(gpu, name, &desc.options.tiles, &fill, known.entries)?;
+        let (bands, capacity) = bands_of(gpu, name, &desc.options.tiles, &fill, known.entries, u32::MAX)?;
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
         let bins = Bins::new(gpu, name, &ranked, widest, capacity, false)?;
 
@@ -270,7 +270,7 @@ impl SplatFrame {
         let rounds = desc.rounds(fill.longest()).max(known.rounds);
         let (draw, repair) = inputs.passes(gpu, &desc, rounds)?;
 
-        let banded = BandedDraw { bins, bands, across, draw, repair, rounds };
+        let banded = BandedDraw { bins, bands, across, draws: vec![draw], repair, rounds };
         let outcome = banded.outcome(scene, name, set.count)?;
         Ok(Self { desc, set, view: seen, project, sort, banded, image, status, outcome })
     }

@@ -18,15 +18,17 @@ use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
+use crate::gpu::inputs::Entry;
 use crate::gpu::shader::{
-    self, GAUSSIANS_DRAW, GAUSSIANS_DRAW_WIDE, GAUSSIANS_PROJECT_COMPUTE, GAUSSIANS_REPAIR, GaussiansDraw,
+    self, GAUSSIANS_DRAW, GAUSSIANS_DRAW_WIDE, GAUSSIANS_OVERLAP_BLEND, GAUSSIANS_OVERLAP_PLACE,
+    GAUSSIANS_OVERLAP_SHARE, GAUSSIANS_PROJECT_COMPUTE, GAUSSIANS_REPAIR, GaussiansDraw, GaussiansOverlap,
     GaussiansProject, GaussiansRepair, ORDER_DEPTHS, ORDER_DISTANCES, ORDER_PIXELS, PIXELS_FIRST,
-    RULE_ANTIALIASED, RULE_INRIA, RULE_KHR, RULE_RAY, STATUS_WORDS, TILE, TILE_PIXELS, TRAINED_RAY_RECORD,
-    TRAINED_RECORD,
+    RULE_ANTIALIASED, RULE_INRIA, RULE_INTEGRAL, RULE_KHR, RULE_OVERLAP, RULE_RAY, STATUS_WORDS, TILE,
+    TILE_PIXELS, TRAINED_RAY_RECORD, TRAINED_RECORD,
 };
 use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::interface::{SplatPush, TrainedPush};
-use crate::num::f32_of;
+use crate::num::{self, f32_of};
 use crate::primitives::bins::{Bins, Fill, Ranked};
 use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass};
 use crate::primitives::radix_sort::RadixSort;
@@ -38,6 +40,15 @@ use crate::technique::declare::{Value, option_set, refused, words};
 use crate::technique::splat::bands::{BandedDraw, Repair, Rounds, bands_of};
 use crate::technique::splat::options::TileOptions;
 use crate::technique::splat::outcome::SplatOutcome;
+
+/// The steps of slabs that are allowed.
+const STEPS: [f64; 2] = [0.004, 0.5];
+
+/// The step of slabs where nothing sets it.
+const STEP: f64 = 0.03;
+
+/// Bytes that slabs may take; images of more are drawn in several bands.
+const SLAB_BYTES: u64 = 128 << 20;
 
 /// Rules of the first program limit slopes in the affine image to this multiple of those of the image's borders.
 const SLOPES: f64 = 1.3;
@@ -67,6 +78,9 @@ option_set! {
         /// camera turns; pixel takes them in each pixel by the place where its ray is nearest to them, with rule=ray.
         pub order: Option<SplatOrder> = None
             => Rule::words().unset("the rule's: distance for khr, depth for inria and antialiased, pixel for ray"),
+        /// Sets the largest step of the square root of a pixel's transmittance between slabs, in which rule=overlap and rule=integral take
+        /// splats without order. The error of colours falls with its square.
+        pub step: Option<f64> = None => Rule::between(STEPS).unset("0.03 by rules that overlap"),
         /// Options of tiles.
         pub tiles: TileOptions = TileOptions::default() => GROUP,
     }
@@ -96,10 +110,6 @@ impl TechniqueOptions for Options {
 impl Draw for Options {
     fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
         let rule = self.rule.or(scene.scene().splat_rule()).unwrap_or(SplatRule::Khr);
-        let Some(code) = code_of(rule) else {
-            let why = format!("{}: the reference draws it, this technique does not", rule.name());
-            return Err(refused(Self::NAME, "rule", why));
-        };
         if target.bounds.is_some() {
             rule.check_depth("surfaces, clip regions and depth images")?;
         }
@@ -113,7 +123,21 @@ impl Draw for Options {
             let why = format!("pixel: splats have no depth on a ray by rule={}", rule.name());
             return Err(refused(Self::NAME, "order", why));
         }
-        let desc = TrainedDesc { rule: code, order, tiles: self.tiles };
+        let overlaps = [SplatRule::Overlap, SplatRule::Integral].contains(&rule);
+        for (key, is_set, fits) in
+            [("order", self.order.is_some(), !overlaps), ("step", self.step.is_some(), overlaps)]
+        {
+            if is_set && !fits {
+                let why = format!(
+                    "rule={} {}",
+                    rule.name(),
+                    if overlaps { "needs no order" } else { "has no slabs" }
+                );
+                return Err(refused(Self::NAME, key, why));
+            }
+        }
+        let slabs = overlaps.then(|| num::u32_of((1.0 / self.step.unwrap_or(STEP)).ceil()));
+        let desc = TrainedDesc { rule: code_of(rule), order, slabs, tiles: self.tiles };
         Ok(Box::new(TrainedFrame::new(scene, view, target, &desc)?))
     }
 }
@@ -123,12 +147,14 @@ struct TrainedDesc {
     /// The shader's code of the rule.
     rule: u32,
     order: SplatOrder,
+    /// Slabs of each pixel, by rules that overlap.
+    slabs: Option<u32>,
     tiles: TileOptions,
 }
 
 impl TrainedDesc {
     fn by_pixel(&self) -> bool {
-        self.order == SplatOrder::Pixel
+        self.order == SplatOrder::Pixel && self.slabs.is_none()
     }
 
     /// Returns the shader's code of the sort key.
@@ -147,14 +173,20 @@ impl TrainedDesc {
 }
 
 /// Returns the shader's code of a rule.
-fn code_of(rule: SplatRule) -> Option<u32> {
+fn code_of(rule: SplatRule) -> u32 {
     match rule {
-        SplatRule::Khr => Some(RULE_KHR),
-        SplatRule::Inria => Some(RULE_INRIA),
-        SplatRule::Antialiased => Some(RULE_ANTIALIASED),
-        SplatRule::Ray => Some(RULE_RAY),
-        SplatRule::Overlap | SplatRule::Integral => None,
+        SplatRule::Khr => RULE_KHR,
+        SplatRule::Inria => RULE_INRIA,
+        SplatRule::Antialiased => RULE_ANTIALIASED,
+        SplatRule::Ray => RULE_RAY,
+        SplatRule::Overlap => RULE_OVERLAP,
+        SplatRule::Integral => RULE_INTEGRAL,
     }
+}
+
+/// Words of each pixel that `gaussians-overlap.glsl` needs.
+fn slab_words(slabs: u32) -> u32 {
+    2 * slabs + 3
 }
 
 /// Everything that is fixed between frames of one size.
@@ -189,7 +221,7 @@ impl TrainedFrame {
         let order = buffer(gpu, "order", count)?;
         let boxes = buffer(gpu, "boxes", 2 * count)?;
         let status = buffer(gpu, "status", STATUS_WORDS.into())?;
-        let vectors = if desc.rule == RULE_RAY { TRAINED_RAY_RECORD } else { TRAINED_RECORD };
+        let vectors = if desc.rule >= RULE_RAY { TRAINED_RAY_RECORD } else { TRAINED_RECORD };
         let records = buffer(gpu, "records", 4 * u64::from(vectors) * count)?;
         let project = GAUSSIANS_PROJECT_COMPUTE.with(&GaussiansProject {
             boxes: boxes.write(),
@@ -212,7 +244,10 @@ impl TrainedFrame {
             sort.record(recorder);
         })?;
         let known = *scene.splat_needs.lock().unwrap_or_else(PoisonError::into_inner);
-        let (bands, capacity) = bands_of(gpu, name, &desc.tiles, &fill, known.entries)?;
+        let tile_bytes = desc.slabs.map(|slabs| 4 * u64::from(slab_words(slabs) * TILE_PIXELS));
+        let most = SLAB_BYTES.min(gpu.limits().max_storage_buffer_range.into());
+        let fit = tile_bytes.map_or(u32::MAX, |bytes| u32::try_from(most / bytes).unwrap_or(u32::MAX).max(1));
+        let (bands, capacity) = bands_of(gpu, name, &desc.tiles, &fill, known.entries, fit)?;
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
         let bins = Bins::new(gpu, name, &ranked, widest, capacity, false)?;
 
@@ -231,24 +266,43 @@ impl TrainedFrame {
             status: status.write(),
             resume,
         };
-        let shader = if desc.tiles.columns(name, gpu)? { GAUSSIANS_DRAW } else { GAUSSIANS_DRAW_WIDE };
+        let meet = || shader::Meet { splat_records: records.read(), splat_rule: desc.rule };
         let rounds = fill.longest().div_ceil(turns).max(1).max(known.rounds);
-        let draw = Rounds::new(gpu, &format!("{name}.draw"), rounds, |resume| {
-            shader.with(&GaussiansDraw {
-                pixels: pixels.write(),
-                splat_records: records.read(),
-                splat_by_pixel: desc.by_pixel(),
-                splat_rule: desc.rule,
-                band: band(resume),
-                bounded: target.bounded(&records),
-            })
-        })?;
+        let draws = if let Some(slabs) = desc.slabs {
+            let words = buffer(gpu, "slabs", u64::from(slab_words(slabs)) * in_band)?;
+            let pass = |entry: &Entry<GaussiansOverlap>, step: &str| {
+                Rounds::new(gpu, &format!("{name}.{step}"), rounds, |resume| {
+                    entry.with(&GaussiansOverlap {
+                        meet: meet(),
+                        slab_count: slabs,
+                        splat_slabs: words.write(),
+                        band: band(resume),
+                        bounded: target.bounded(&records),
+                    })
+                })
+            };
+            vec![
+                pass(&GAUSSIANS_OVERLAP_PLACE, "place")?,
+                pass(&GAUSSIANS_OVERLAP_SHARE, "share")?,
+                pass(&GAUSSIANS_OVERLAP_BLEND, "blend")?,
+            ]
+        } else {
+            let shader = if desc.tiles.columns(name, gpu)? { GAUSSIANS_DRAW } else { GAUSSIANS_DRAW_WIDE };
+            vec![Rounds::new(gpu, &format!("{name}.draw"), rounds, |resume| {
+                shader.with(&GaussiansDraw {
+                    pixels: pixels.write(),
+                    splat_by_pixel: desc.by_pixel(),
+                    meet: meet(),
+                    band: band(resume),
+                    bounded: target.bounded(&records),
+                })
+            })?]
+        };
         let repair = || {
             let draw = Rounds::new(gpu, &format!("{name}.repair"), 1, |_| {
                 GAUSSIANS_REPAIR.with(&GaussiansRepair {
                     pixels: pixels.write(),
-                    splat_records: records.read(),
-                    splat_rule: desc.rule,
+                    meet: meet(),
                     band: band(false),
                     bounded: target.bounded(&records),
                 })
@@ -256,7 +310,7 @@ impl TrainedFrame {
             Ok(Repair { pixels: Arc::clone(&pixels), draw })
         };
         let repair = desc.by_pixel().then(repair).transpose()?;
-        let banded = BandedDraw { bins, bands, across, draw, repair, rounds };
+        let banded = BandedDraw { bins, bands, across, draws, repair, rounds };
         let outcome = banded.outcome(scene, name, set.count)?;
         Ok(Self { set, project, sort, banded, pushes, image, status, outcome })
     }
@@ -298,6 +352,8 @@ fn pushes(set: &TrainedSet, view: &View, draw: SplatPush) -> Result<(TrainedPush
         forward_reach: [0.0, 0.0, 0.0, f32_of(set.reach + 1e-5 * (set.radius + depth.abs()))],
         half_extent: half.map(f32_of),
         unit: if perspective { 1.0 } else { 0.0 },
+        // Thinner splats have no places within, in float32.
+        least: f32_of(1e-6 * (set.radius + depth.abs())),
         ..draw
     };
     if !(rounded.iter().all(|x| x.is_finite()) && project.eye[3].is_normal() && draw.h.is_finite()) {
