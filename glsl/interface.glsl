@@ -185,7 +185,7 @@
 #define RULE_INTEGRAL 5
 
 // Trained splats: words of one without its further colours; vectors of one as a view sees it, and by rules of rays.
-#define TRAINED_WORDS 8
+#define TRAINED_WORDS 10
 #define TRAINED_RECORD 3
 #define TRAINED_RAY_RECORD 5
 

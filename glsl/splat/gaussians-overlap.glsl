@@ -1,14 +1,21 @@
 // entry compute PLACE
+// entry compute PLACE_WIDE
+// entry compute SORT
 // entry compute SHARE
+// entry compute SHARE_WIDE
 // entry compute BLEND
+// entry compute BLEND_WIDE
 //
 // Trained splats as extinction along each pixel's line, where they overlap: C = sum of c_i w_i with w_i = ∫ κ_i(t) exp(-∫ Σ κ) dt.
 //
 // Each line is cut into SLABS, thin where it darkens. In a slab light falls as if all of it were spread evenly, so that no order is needed:
 //
 //   PLACE  puts the depths between slabs where the transmittance falls by equal steps of its square root, as splats come in their bin
+//   SORT   puts these depths in order
 //   SHARE  adds up the optical depth that each slab holds, and from it what a unit of optical depth in the slab adds to the pixel
 //   BLEND  adds up colours: each splat's share of each slab that it reaches into
+//
+// One invocation owns a column of a tile; by SORT and the entries ..._WIDE one pixel, for devices whose workgroups should be wide.
 //
 //   in     bins of splats, nearly by depth, records of the view (gaussians-project.glsl)
 //   out    accumulation image: premultiplied RGBA, as trained: display-referred colours
@@ -22,29 +29,32 @@
 #include "interface.glsl"
 #include "shared/device.glsl"
 #include "shared/error-function.glsl"
+#if defined PLACE_WIDE || defined SORT || defined SHARE_WIDE || defined BLEND_WIDE
 #include "splat/pixel-lanes.glsl"
+#else
+#include "splat/column-lanes.glsl"
+#endif
 #include "splat/band.glsl"
 #include "splat/meet.glsl"
 
 layout(constant_id = SPEC_SLAB_COUNT) const uint SLABS = 32;
 
-layout(local_size_x = 64) in;
+layout(local_size_x = 64 / ROWS) in;
 layout(set = 0, binding = BINDING_SPLAT_SLABS, std430) buffer SplatSlabs { uint slabs[]; };
 
 const float BEHIND_ALL = 3e38;
 const float MOST_DEPTH = 16.635532; // of a splat: that of an opacity which float32 does not tell from 1
-const float REACH = 4.0;            // standard deviations that slabs are told apart in
+const float REACH = 3.0;            // standard deviations that slabs are told apart in
 
-// Words of a pixel: the depths between slabs, what each holds, where the bin is dark, number of depths that are placed.
+// Words of a pixel: the depths between slabs, what each holds, the end of the part of its bin that is not dark, number of depths that are placed.
 const uint SHARES = SLABS + 1u, LAST = 2u * SLABS + 1u, PLACED = LAST + 1u;
-uint place;
 #define WORD(k) slabs[(k) * push.tiles * TILE_PIXELS + place]
 
-float number(uint k) {
+float number(uint place, uint k) {
     return uintBitsToFloat(WORD(k));
 }
 
-void put(uint k, float value) {
+void put(uint place, uint k, float value) {
     WORD(k) = floatBitsToUint(value);
 }
 
@@ -61,18 +71,24 @@ float before(Part part, float depth) {
     return 0.5 + 0.5 * error_function(clamp((depth - part.at) * (0.70710678 / part.sigma), -3.9, 3.9));
 }
 
-bool met(vec2 pixel, Record record, vec2 drawn, out Part part) {
-    Met met = meet(pixel, record, reference_of(record.form.xy, push.half_extent), drawn);
+bool met(vec2 pixel, Record record, vec2 reference, vec2 drawn, out Part part) {
+    Met met = meet(pixel, record, reference, drawn);
+    if (!met.there) return false;
     part.at = met.depth;
     part.sigma = max(met.sigma, push.least);
-    float peak = exp2(record.limits.y - met.bits);
+    float peak = exp2(record.limits.y - met.bits), reach = REACH * part.sigma;
     // -log(1 - peak)
     part.depth = RULE == RULE_INTEGRAL ? peak : peak < 0.01 ? peak * (1.0 + peak * (0.5 + peak * 0.33333333)) : min(-log(1.0 - peak), MOST_DEPTH);
-    part.ends = vec2(drawn.x < part.at - REACH * part.sigma ? 0.0 : before(part, drawn.x), drawn.y > part.at + REACH * part.sigma ? 1.0 : before(part, drawn.y));
-    return met.there && part.ends.y > part.ends.x;
+    part.ends = vec2(drawn.x < part.at - reach ? 0.0 : before(part, drawn.x), drawn.y > part.at + reach ? 1.0 : before(part, drawn.y));
+    return part.ends.y > part.ends.x;
 }
 
-#ifdef PLACE
+#if defined PLACE || defined PLACE_WIDE
+// Iterations that are left but for those that place depths: of all lanes at different splats.
+uint room = MOST - 64u * SLABS;
+// Those that a splat takes at most.
+const uint TURNS = 1u, ALWAYS = 1u;
+
 // Transmittance between slabs.
 float level_of(uint k) {
     float root = 1.0 - float(k + 1u) / float(SLABS);
@@ -85,109 +101,177 @@ float depth_of(Part part, float share) {
     return part.at + part.sigma * 1.4142136 * sign(x) * sqrt(sqrt(a * a - l * 6.8027211) - a);
 }
 
-void main() {
-    uint in_band = WORKGROUP_NUMBER;
-    if (in_band >= push.tiles) return;
-    uvec2 bin = bin_of(in_band), pixel = first_pixel(in_band, LANE);
-    place = in_band * TILE_PIXELS + LANE;
-    uint i = RESUME ? splat_state[place].x : bin.x;
-    if (RESUME && i >= bin.y || !in_image(pixel)) return;
-    vec2 from = vec2(pixel) + 0.5 - push.half_extent, drawn = drawn_depths(pixel);
-    float front = RESUME ? number(0u) : BEHIND_ALL, back = RESUME ? number(SLABS) : -BEHIND_ALL;
-    float transmittance = RESUME ? uintBitsToFloat(splat_state[place].y) : 1.0, opaque = push.opaque;
-    uint placed = RESUME ? WORD(PLACED) : 0u;
-    // Placing all takes turns of its own.
-    uint room = MOST - min(SLABS * (SLABS + 3u) / 2u, MOST - 1u), stop = i + min(bin.y - i, room);
-    bool dark = false;
-    for (; i < stop && !dark; ++i) {
-        Record record = record_at(bins[i]);
-        Part part;
-        if (!met(from, record, drawn, part)) continue;
-        float depth = part.depth * (part.ends.y - part.ends.x), left = transmittance * exp(-depth);
-        if (transmittance > opaque) {
-            front = min(front, max(part.at - REACH * part.sigma, drawn.x));
-            back = max(back, min(part.at + REACH * part.sigma, drawn.y));
-        }
-        for (; placed < SLABS - 1u && left <= level_of(placed); ++placed) {
-            float share = clamp(log(transmittance / level_of(placed)) / part.depth, 0.0, 1.0), z = depth_of(part, part.ends.x + share);
-            z = clamp(z, drawn.x, drawn.y);
-            uint k = placed + 1u;
-            for (; k > 1u && number(k - 1u) > z; --k) WORD(k) = WORD(k - 1u);
-            put(k, z);
-        }
-        transmittance = left;
-        dark = transmittance <= opaque && followed_from(record.limits.z) > back;
+// A line, as far as splats were met.
+struct Line {
+    vec2 drawn;
+    float front, back;
+    float transmittance;
+    uint placed;
+    bool dark;
+};
+
+Line begin_line(uvec2 pixel, uint place) {
+    Line line = Line(drawn_depths(pixel), BEHIND_ALL, -BEHIND_ALL, 1.0, 0u, !in_image(pixel));
+    if (RESUME) {
+        line.front = number(place, 0u);
+        line.back = number(place, SLABS);
+        line.transmittance = uintBitsToFloat(splat_state[place].y);
+        line.placed = WORD(PLACED);
     }
-    bool unfinished = i < bin.y && !dark;
-    if (unfinished && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
-    put(0u, front);
-    put(SLABS, back);
-    WORD(PLACED) = placed;
+    return line;
+}
+
+void place_in(inout Line line, uint place, vec2 from, Record record, vec2 reference) {
+    Part part;
+    if (line.dark || !met(from, record, reference, line.drawn, part)) return;
+    float left = line.transmittance * exp(-part.depth * (part.ends.y - part.ends.x)), reach = REACH * part.sigma;
+    if (line.transmittance > push.opaque) {
+        line.front = min(line.front, max(part.at - reach, line.drawn.x));
+        line.back = max(line.back, min(part.at + reach, line.drawn.y));
+    }
+    for (; line.placed < SLABS - 1u && left <= level_of(line.placed); ++line.placed) {
+        float share = clamp(log(line.transmittance / level_of(line.placed)) / part.depth, 0.0, 1.0);
+        float depth = clamp(depth_of(part, part.ends.x + share), line.drawn.x, line.drawn.y);
+        put(place, line.placed + 1u, depth);
+    }
+    line.transmittance = left;
+    line.dark = left <= push.opaque && followed_from(record.limits.z) > line.back;
+}
+
+void end_line(Line line, uint place, uint i) {
+    put(place, 0u, line.front);
+    put(place, SLABS, line.back);
+    WORD(PLACED) = line.placed;
     WORD(LAST) = i;
-    splat_state[place] = uvec2(unfinished ? i : bin.y, floatBitsToUint(transmittance));
-    if (unfinished) return;
-    for (uint k = placed + 1u; k < SLABS; ++k) put(k, back);
+    splat_state[place].y = floatBitsToUint(line.transmittance);
+}
+
+#elif defined SORT
+void main() {
+    uint in_band = WORKGROUP_NUMBER, place = in_band * TILE_PIXELS + LANE;
+    if (in_band >= push.tiles) return;
+    uint placed = WORD(PLACED);
+    for (uint i = 2u; i <= placed; ++i) {
+        float depth = number(place, i);
+        uint k = i;
+        for (; k > 1u && number(place, k - 1u) > depth; --k) put(place, k, number(place, k - 1u));
+        put(place, k, depth);
+    }
+    float back = number(place, SLABS);
+    for (uint k = placed + 1u; k < SLABS; ++k) put(place, k, back);
     for (uint k = 0u; k < SLABS; ++k) WORD(SHARES + k) = 0u;
 }
 #else
-void main() {
-    uint in_band = WORKGROUP_NUMBER;
-    if (in_band >= push.tiles) return;
-    uvec2 bin = bin_of(in_band), pixel = first_pixel(in_band, LANE);
-    place = in_band * TILE_PIXELS + LANE;
-    uint i = RESUME ? splat_state[place].x : bin.x, end = in_image(pixel) ? WORD(LAST) : 0u;
-    if (i >= end && (RESUME || !in_image(pixel))) return;
-    vec2 from = vec2(pixel) + 0.5 - push.half_extent, drawn = drawn_depths(pixel);
-    vec4 sum = vec4(0.0);
-    float transmittance;
-#ifdef BLEND
-    sum = imageLoad(accumulation, ivec2(pixel));
+// The first step of a search among slabs.
+const uint TOP = SLABS > 128u ? 128u : SLABS > 64u ? 64u : SLABS > 32u ? 32u : SLABS > 16u ? 16u : 8u;
+// Iterations that are left but for the end of each line, those that a splat takes at most, and those that it takes whatever it meets. Lanes
+// of columns count together what they take beyond.
+const uint TURNS = ROWS * (SLABS + 8u) + 1u, ALWAYS = ROWS > 1 ? ROWS * 8u + 1u : TURNS;
+uint room = MOST - ROWS * SLABS;
+
+// A line with the slabs that it is cut into.
+struct Line {
+    vec2 drawn;
+    vec4 sum;
+};
+
+Line begin_line(uvec2 pixel, uint place) {
+    Line line = Line(drawn_depths(pixel), vec4(0.0));
+#if defined BLEND || defined BLEND_WIDE
+    if (in_image(pixel)) line.sum = imageLoad(accumulation, ivec2(pixel));
 #endif
-    // What a splat takes at most: a search of slabs, and all of them.
-    const uint TURNS = SLABS + 8u;
-    for (uint room = MOST; i < end && room >= TURNS; ++i) {
-        Record record = record_at(bins[i]);
-        Part part;
-        room -= 1u;
-        if (!met(from, record, drawn, part)) continue;
-        float low = part.at - REACH * part.sigma, high = part.at + REACH * part.sigma;
-        uint k = 0u, beyond = SLABS;
-        while (beyond - k > 1u) {
-            uint middle = (k + beyond) / 2u;
-            if (number(middle) <= low) k = middle; else beyond = middle;
-            room -= 1u;
-        }
-        float passed = part.ends.x, weight = 0.0;
-#ifdef SHARE
-#define ADD(share) put(SHARES + k, fma(part.depth, share, number(SHARES + k)));
+    return line;
+}
+
+void place_in(inout Line line, uint place, vec2 from, Record record, vec2 reference) {
+    Part part;
+    bool there = met(from, record, reference, line.drawn, part);
+    if (!ANY(there)) return;
+    float low = part.at - REACH * part.sigma, high = part.at + REACH * part.sigma;
+    uint k = 0u;
+    for (uint leap = TOP; leap > 0u; leap /= 2u) k += k + leap < SLABS && number(place, k + leap) <= low ? leap : 0u;
+    float passed = part.ends.x, weight = 0.0;
+#if defined BLEND || defined BLEND_WIDE
+#define ADD(share) weight = fma(share, number(place, SHARES + k), weight);
 #else
-#define ADD(share) weight = fma(share, number(SHARES + k), weight);
+#define ADD(share) put(place, SHARES + k, fma(part.depth, share, number(place, SHARES + k)));
 #endif
-        for (; k < SLABS - 1u; ++k) {
-            float ends = number(k + 1u);
-            if (ends >= high) break;
+    while (true) {
+        float ends = there && k < SLABS - 1u ? number(place, k + 1u) : BEHIND_ALL;
+        bool within = ends < high;
+        if (!ANY(within)) break;
+        if (within) {
             float share = clamp(before(part, ends), part.ends.x, part.ends.y);
             ADD(share - passed)
             passed = share;
-            room -= 1u;
+            ++k;
         }
-        ADD(part.ends.y - passed)
-        sum.rgb = fma(vec3(part.depth * weight), record.colour.rgb, sum.rgb);
+        if (ROWS > 1) room -= 1u;
     }
-    bool unfinished = i < end;
-    if (unfinished && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
-    splat_state[place].x = i;
-#ifdef SHARE
+    if (!there) return;
+    ADD(part.ends.y - passed)
+    line.sum.rgb = fma(vec3(part.depth * weight), record.colour.rgb, line.sum.rgb);
+}
+
+void end_line(inout Line line, uint place, bool unfinished) {
+#if defined SHARE || defined SHARE_WIDE
     if (unfinished) return;
     // What a unit of optical depth adds, over a slab.
-    transmittance = 1.0;
+    float transmittance = 1.0;
     for (uint k = 0u; k < SLABS; ++k) {
-        float depth = number(SHARES + k), taken = transmittance * (depth < 1e-3 ? depth * (1.0 - 0.5 * depth) : 1.0 - exp(-depth));
-        put(SHARES + k, depth > 0.0 ? taken / depth : transmittance);
+        float depth = number(place, SHARES + k), taken = transmittance * (depth < 1e-3 ? depth * (1.0 - 0.5 * depth) : 1.0 - exp(-depth));
+        put(place, SHARES + k, depth > 0.0 ? taken / depth : transmittance);
         transmittance -= taken;
-        sum.a += taken;
+        line.sum.a += taken;
     }
 #endif
-    store_pixel(pixel, sum);
+}
+#endif
+
+#ifndef SORT
+void main() {
+    uint in_band = WORKGROUP_NUMBER;
+    if (in_band >= push.tiles) return;
+    uvec2 bin = bin_of(in_band), origin = first_pixel(in_band, LANE);
+    uint place = in_band * TILE_PIXELS + LANE, i = RESUME ? splat_state[place].x : bin.x;
+#if defined PLACE || defined PLACE_WIDE
+    uint end = bin.y;
+#else
+    uint end = WORD(LAST);
+#endif
+    if (RESUME && i >= end) return;
+    vec2 from = vec2(origin) + 0.5 - push.half_extent;
+    Line lines[ROWS];
+#define BEGIN(r) lines[r] = begin_line(origin + uvec2(0, r), place + r * TILE);
+    EACH_ROW(BEGIN)
+    bool live = true;
+    for (; i < end && live && !ANY(room < TURNS); ++i) {
+        uint at = record_of(bins[i], true);
+        Record record;
+        vec4 bend;
+        FETCH_TWO(records, at, record.form, record.limits)
+        FETCH_TWO(records, at + 2u, record.colour, bend)
+        record.turn = FETCH(records, at + 4u);
+        record.bend = bend.xyz;
+        vec2 reference = reference_of(record.form.xy, push.half_extent);
+        room -= ALWAYS;
+#define NEXT(r) place_in(lines[r], place + r * TILE, from + vec2(0.0, float(r)), record, reference);
+        EACH_ROW(NEXT)
+#if defined PLACE || defined PLACE_WIDE
+#define LIVE(r) live = live || !lines[r].dark;
+        live = false;
+        EACH_ROW(LIVE)
+        live = ANY(live);
+#endif
+    }
+    bool unfinished = i < end && live;
+    splat_state[place].x = unfinished ? i : bin.y;
+    if (unfinished && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
+#if defined PLACE || defined PLACE_WIDE
+#define END(r) end_line(lines[r], place + r * TILE, i);
+#else
+#define END(r) end_line(lines[r], place + r * TILE, unfinished); store_pixel(origin + uvec2(0, r), lines[r].sum);
+#endif
+    EACH_ROW(END)
 }
 #endif

@@ -53,7 +53,7 @@ layout(push_constant) uniform TrainedPush {
 } push;
 
 layout(local_size_x = 64) in;
-layout(set = 0, binding = BINDING_SPLAT_POINTS, std430) readonly buffer TrainedSplats { uvec4 splats[]; };
+layout(set = 0, binding = BINDING_SPLAT_POINTS, std430) readonly buffer TrainedSplats { uvec2 splats[]; };
 layout(set = 0, binding = BINDING_SPLAT_HARMONICS, std430) readonly buffer SplatHarmonics { uint harmonics[]; };
 layout(set = 0, binding = BINDING_SPLAT_RECORDS, std430) writeonly buffer TrainedRecords { vec4 records[]; };
 layout(set = 0, binding = BINDING_RANK_KEYS, std430) writeonly buffer Keys { uint sort_keys[]; };
@@ -76,18 +76,16 @@ struct Trained {
     vec3 dc;
 };
 
-float unsigned16(uint word) { return float(word & 0xffffu) * (1.0 / 65535.0); }
-
 // Standard deviation of a code; 0 is flat.
 float length_of(uint code) {
     return code == 0u ? 0.0 : exp2(fma(float(code - 1u), push.scale_step, push.scale_low));
 }
 
 mat3 rotation_of(uint a, uint b) {
-    // Three components of 15 bits; the greatest, of which two bits tell the place, makes up the unit.
-    vec3 parts = (vec3(a & 0x7fffu, a >> 15 & 0x7fffu, (a >> 30 | b << 2) & 0x7fffu) * (2.0 / 32767.0) - 1.0) * 0.70710678;
+    // Three components of 20 bits; the greatest, of which two bits tell the place, makes up the unit.
+    vec3 parts = (vec3(a & 0xfffffu, (a >> 20 | b << 12) & 0xfffffu, b >> 8 & 0xfffffu) * (2.0 / 1048575.0) - 1.0) * 0.70710678;
     float last = sqrt(max(1.0 - dot(parts, parts), 0.0));
-    uint place = b >> 13 & 3u;
+    uint place = b >> 28 & 3u;
     vec4 q = place == 0u ? vec4(last, parts) : place == 1u ? vec4(parts.x, last, parts.yz) : place == 2u ? vec4(parts.xy, last, parts.z) : vec4(parts, last);
     float w = q.x, x = q.y, y = q.z, z = q.w;
     return mat3(
@@ -97,18 +95,21 @@ mat3 rotation_of(uint a, uint b) {
 }
 
 Trained trained(uint i) {
-    uvec4 a = splats[2u * i], b = splats[2u * i + 1u];
+    const uint VECTORS = TRAINED_WORDS / 2;
+    uvec2 a = splats[VECTORS * i], b = splats[VECTORS * i + 1u], c = splats[VECTORS * i + 2u], d = splats[VECTORS * i + 3u], e = splats[VECTORS * i + 4u];
     Trained splat;
-    vec3 relative = uintBitsToFloat(a.xyz) - push.eye.xyz;
+    vec3 place = uintBitsToFloat(uvec3(a, b.x)), relative = place - push.eye.xyz;
     splat.centre = vec3(dot(push.right.xyz, relative) + push.right.w, dot(push.down.xyz, relative) + push.down.w, dot(push.forward.xyz, relative) + push.forward.w);
-    vec3 from_middle = uintBitsToFloat(a.xyz) - push.middle.xyz, middle = push.middle.xyz - push.eye.xyz;
+    vec3 from_middle = place - push.middle.xyz, middle = push.middle.xyz - push.eye.xyz;
     splat.depth = dot(push.forward.xyz, from_middle);
     splat.beyond = dot(from_middle, relative + middle) / max(length(relative) + length(middle), 1e-30);
     splat.seen = push.perspective != 0u ? relative / max(length(relative), 1e-30) : push.forward.xyz;
-    splat.lengths = vec3(length_of(a.w & 0xffffu), length_of(a.w >> 16), length_of(b.x & 0xffffu));
-    splat.opacity = unsigned16(b.x >> 16);
-    splat.rotation = rotation_of(b.y, b.z);
-    splat.dc = vec3(unpackHalf2x16(b.z).y, unpackHalf2x16(b.w));
+    splat.lengths = vec3(length_of(b.y & 0x1fffffu), length_of((b.y >> 21 | c.x << 11) & 0x1fffffu), length_of(c.x >> 10 & 0x1fffffu));
+    splat.rotation = rotation_of(c.y, d.x);
+    // The last six bits of each colour's constant are a third of the opacity.
+    uvec3 dc = uvec3(d.y, e);
+    splat.opacity = float(dc.x & 63u | (dc.y & 63u) << 6 | (dc.z & 63u) << 12) * (1.0 / 262143.0);
+    splat.dc = uintBitsToFloat(dc & ~63u);
     return splat;
 }
 

@@ -1,4 +1,4 @@
-//! Trained splats on the device, packed: 32 bytes each, and two for each coefficient of harmonics beyond the constant.
+//! Trained splats on the device, packed: 40 bytes each, and two for each coefficient of harmonics beyond the constant.
 
 use std::sync::Arc;
 
@@ -11,13 +11,13 @@ use glam::DVec3;
 
 /// Trained splats as `gaussians-project.glsl` reads them.
 ///
-/// Places stay float32. Logarithms of lengths have 16 bits of their range in the scene, opacities 16 bits, and the three lesser
-/// parts of quaternions 15 bits. Colours are half floats.
+/// Places stay float32. Logarithms of lengths have 21 bits of their range in the scene, opacities 18 bits, the three lesser
+/// parts of quaternions 20 bits, and the constants of colours 26 bits of a float32. Their other coefficients are half floats.
 ///
 /// # Accuracy
 ///
-/// Lengths to 1.2e-5 of their range in e-folds, 3e-4 at most; rotations to 5e-5 radians; opacities to 8e-6; colours to 5e-4 of
-/// each coefficient.
+/// Lengths to 2.4e-7 of their range in e-folds, 1e-5 at most; rotations to 2e-6 radians; opacities to 2e-6; the constants of colours
+/// to 4e-6, other coefficients to 5e-4.
 #[derive(Debug)]
 pub(crate) struct TrainedSet {
     pub(crate) count: u32,
@@ -36,8 +36,20 @@ pub(crate) struct TrainedSet {
     pub(crate) max_colour: f64,
 }
 
+/// Bits of a length, of a part of a quaternion, and of an opacity.
+const LENGTH_BITS: u32 = 21;
+const PART_BITS: u32 = 20;
+const OPACITY_BITS: u32 = 18;
+
+/// The greatest code of a number of bits.
+fn greatest(bits: u32) -> f64 {
+    f64::from((1_u32 << bits) - 1)
+}
+
 /// Codes of lengths; 0 is flat.
-const CODES: f64 = 65_534.0;
+fn codes() -> f64 {
+    greatest(LENGTH_BITS) - 1.0
+}
 
 impl TrainedSet {
     /// Packs and uploads splats.
@@ -90,7 +102,7 @@ impl Scales {
             logs.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], log| [low.min(log), high.max(log)]);
         let [low, high] = if low <= high { [low, high] } else { [0.0; 2] };
         let [low, high] = [low, high].map(|log| f64::from(log) * std::f64::consts::LOG2_E);
-        Self { low, step: (high - low) / (CODES - 1.0) }
+        Self { low, step: (high - low) / (codes() - 1.0) }
     }
 
     fn code(&self, log: f32) -> u32 {
@@ -98,43 +110,42 @@ impl Scales {
             return 0;
         }
         let steps = (f64::from(log) * std::f64::consts::LOG2_E - self.low) / self.step;
-        1 + if steps.is_finite() { num::u32_of(steps.round().clamp(0.0, CODES - 1.0)) } else { 0 }
+        1 + if steps.is_finite() { num::u32_of(steps.round().clamp(0.0, codes() - 1.0)) } else { 0 }
     }
 }
 
-/// Packs a splat: its place and two lengths, then a length and its opacity, its rotation in 47 bits, the constant of its colours.
+/// Packs a splat: its place; its lengths; its rotation; the constants of its colours, with a third of its opacity each.
 fn packed(splats: &Gaussians, i: usize, scales: &Scales) -> [u32; TRAINED_WORDS as usize] {
     let place = splats.centres()[i].map(f32::to_bits);
-    let lengths = splats.log_scales()[i].map(|log| scales.code(log));
-    let opacity = num::u32_of((f64::from(splats.opacities()[i]) * 65_535.0).round());
-    let [low, high] = rotation(splats.rotations()[i]);
+    let lengths = joined(splats.log_scales()[i].map(|log| scales.code(log)), LENGTH_BITS);
+    let rotation = rotation(splats.rotations()[i]);
+    let opacity = num::u32_of((f64::from(splats.opacities()[i]) * greatest(OPACITY_BITS)).round());
     let functions = harmonics::count(splats.degree());
-    let dc = &splats.harmonics()[3 * functions * i..][..3];
-    [
-        place[0],
-        place[1],
-        place[2],
-        lengths[0] | lengths[1] << 16,
-        lengths[2] | opacity << 16,
-        low,
-        high | halves(0.0, dc[0]),
-        halves(dc[1], dc[2]),
-    ]
+    let own = &splats.harmonics()[3 * functions * i..][..3];
+    // Six bits of an opacity take the place of a number's last, which is rounded to those before.
+    let colour = |k: usize| (own[k].to_bits().saturating_add(32) & !63) | opacity >> (6 * k) & 63;
+    let [l0, l1, r0, r1]: [u32; 4] = bytemuck::cast([lengths, rotation].map(u64::to_le));
+    [place[0], place[1], place[2], l0, l1, r0, r1, colour(0), colour(1), colour(2)]
 }
 
-/// Packs a unit quaternion w, x, y, z: all but its greatest part in 15 bits each, then the place of that.
-fn rotation(parts: [f32; 4]) -> [u32; 2] {
-    let greatest = (0..4).fold(0, |best, i| if parts[i].abs() > parts[best].abs() { i } else { best });
+/// Joins three codes, the first in the lowest bits.
+fn joined([a, b, c]: [u32; 3], bits: u32) -> u64 {
+    u64::from(a) | u64::from(b) << bits | u64::from(c) << (2 * bits)
+}
+
+/// Packs a unit quaternion w, x, y, z: all but its greatest part, then the place of that.
+fn rotation(parts: [f32; 4]) -> u64 {
+    let place = (0..4).fold(0, |best, i| if parts[i].abs() > parts[best].abs() { i } else { best });
     // The same rotation with a positive greatest part.
-    let sign = if parts[greatest] < 0.0 { -1.0 } else { 1.0 };
+    let sign = if parts[place] < 0.0 { -1.0 } else { 1.0 };
+    let most = greatest(PART_BITS);
     let code = |part: f32| {
         let share = f64::from(sign * part) * std::f64::consts::SQRT_2;
-        num::u32_of(((share + 1.0) * 0.5 * 32_767.0).round().clamp(0.0, 32_767.0))
+        num::u32_of(((share + 1.0) * 0.5 * most).round().clamp(0.0, most))
     };
-    let mut others = (0..4).filter(|&i| i != greatest).map(|i| code(parts[i]));
-    let mut next = || others.next().unwrap_or(0);
-    let (a, b, c) = (next(), next(), next());
-    [a | b << 15 | c << 30, c >> 2 | num::count(greatest) << 13]
+    let mut others = (0..4).filter(|&i| i != place).map(|i| code(parts[i]));
+    let codes = std::array::from_fn(|_| others.next().unwrap_or(0));
+    joined(codes, PART_BITS) | num::wide(place) << (3 * PART_BITS)
 }
 
 /// Packs two half floats, the first in the lower word.

@@ -1,6 +1,6 @@
 //! Trained Gaussian splats, by the rules that scenes are trained and shown under (Kerbl, Kopanas, Leimkühler and Drettakis 2023).
 //!
-//! 0. The host packs splats, 32 bytes each and two for each further coefficient of their colours (`resident/splats/trained.rs`).
+//! 0. The host packs splats, 40 bytes each and two for each further coefficient of their colours (`resident/splats/trained.rs`).
 //! 1. `gaussians-project.glsl` finds the place of each splat, its squared distance as a quotient of quadratic forms, its colour from this
 //!    eye, its box of pixels and its sort key.
 //! 2. A stable sort orders splats by key; tiles take theirs in that order (`bins.glsl`).
@@ -20,11 +20,12 @@ use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::inputs::Entry;
 use crate::gpu::shader::{
-    self, GAUSSIANS_DRAW, GAUSSIANS_DRAW_WIDE, GAUSSIANS_OVERLAP_BLEND, GAUSSIANS_OVERLAP_PLACE,
-    GAUSSIANS_OVERLAP_SHARE, GAUSSIANS_PROJECT_COMPUTE, GAUSSIANS_REPAIR, GaussiansDraw, GaussiansOverlap,
-    GaussiansProject, GaussiansRepair, ORDER_DEPTHS, ORDER_DISTANCES, ORDER_PIXELS, PIXELS_FIRST,
-    RULE_ANTIALIASED, RULE_INRIA, RULE_INTEGRAL, RULE_KHR, RULE_OVERLAP, RULE_RAY, STATUS_WORDS, TILE,
-    TILE_PIXELS, TRAINED_RAY_RECORD, TRAINED_RECORD,
+    self, GAUSSIANS_DRAW, GAUSSIANS_DRAW_WIDE, GAUSSIANS_OVERLAP_BLEND, GAUSSIANS_OVERLAP_BLEND_WIDE,
+    GAUSSIANS_OVERLAP_PLACE, GAUSSIANS_OVERLAP_PLACE_WIDE, GAUSSIANS_OVERLAP_SHARE,
+    GAUSSIANS_OVERLAP_SHARE_WIDE, GAUSSIANS_OVERLAP_SORT, GAUSSIANS_PROJECT_COMPUTE, GAUSSIANS_REPAIR,
+    GaussiansDraw, GaussiansOverlapPlace, GaussiansOverlapSort, GaussiansProject, GaussiansRepair,
+    ORDER_DEPTHS, ORDER_DISTANCES, ORDER_PIXELS, PIXELS_FIRST, RULE_ANTIALIASED, RULE_INRIA, RULE_INTEGRAL,
+    RULE_KHR, RULE_OVERLAP, RULE_RAY, STATUS_WORDS, TILE, TILE_PIXELS, TRAINED_RAY_RECORD, TRAINED_RECORD,
 };
 use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::interface::{SplatPush, TrainedPush};
@@ -270,9 +271,9 @@ impl TrainedFrame {
         let rounds = fill.longest().div_ceil(turns).max(1).max(known.rounds);
         let draws = if let Some(slabs) = desc.slabs {
             let words = buffer(gpu, "slabs", u64::from(slab_words(slabs)) * in_band)?;
-            let pass = |entry: &Entry<GaussiansOverlap>, step: &str| {
+            let pass = |entry: &Entry<GaussiansOverlapPlace>, step: &str| {
                 Rounds::new(gpu, &format!("{name}.{step}"), rounds, |resume| {
-                    entry.with(&GaussiansOverlap {
+                    entry.with(&GaussiansOverlapPlace {
                         meet: meet(),
                         slab_count: slabs,
                         splat_slabs: words.write(),
@@ -281,11 +282,16 @@ impl TrainedFrame {
                     })
                 })
             };
-            vec![
-                pass(&GAUSSIANS_OVERLAP_PLACE, "place")?,
-                pass(&GAUSSIANS_OVERLAP_SHARE, "share")?,
-                pass(&GAUSSIANS_OVERLAP_BLEND, "blend")?,
-            ]
+            let [place, share, blend] = if desc.tiles.columns(name, gpu)? {
+                [GAUSSIANS_OVERLAP_PLACE, GAUSSIANS_OVERLAP_SHARE, GAUSSIANS_OVERLAP_BLEND]
+            } else {
+                [GAUSSIANS_OVERLAP_PLACE_WIDE, GAUSSIANS_OVERLAP_SHARE_WIDE, GAUSSIANS_OVERLAP_BLEND_WIDE]
+            };
+            let sort = Rounds::new(gpu, &format!("{name}.slabs.sort"), 1, |_| {
+                GAUSSIANS_OVERLAP_SORT
+                    .with(&GaussiansOverlapSort { splat_slabs: words.write(), slab_count: slabs })
+            })?;
+            vec![pass(&place, "place")?, sort, pass(&share, "share")?, pass(&blend, "blend")?]
         } else {
             let shader = if desc.tiles.columns(name, gpu)? { GAUSSIANS_DRAW } else { GAUSSIANS_DRAW_WIDE };
             vec![Rounds::new(gpu, &format!("{name}.draw"), rounds, |resume| {
