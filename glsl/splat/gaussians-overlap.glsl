@@ -3,6 +3,8 @@
 // entry compute SORT
 // entry compute SHARE
 // entry compute SHARE_WIDE
+// entry compute ADJUST
+// entry compute WEIGH
 // entry compute BLEND
 // entry compute BLEND_WIDE
 //
@@ -12,15 +14,17 @@
 //
 //   PLACE  puts the depths between slabs where the transmittance falls by equal steps of its square root, as splats come in their bin
 //   SORT   puts these depths in order
-//   SHARE  adds up the optical depth that each slab holds, and from it what a unit of optical depth in the slab adds to the pixel
+//   SHARE  adds up the optical depth that each slab holds
+//   ADJUST places the depths again, by what the slabs hold; then SHARE once more
+//   WEIGH  finds what a unit of optical depth adds to the pixel from each slab
 //   BLEND  adds up colours: each splat's share of each slab that it reaches into
 //
-// One invocation owns a column of a tile; by SORT and the entries ..._WIDE one pixel, for devices whose workgroups should be wide.
+// One invocation owns a column of a tile; by SORT, ADJUST, WEIGH and the entries ..._WIDE one pixel, for devices whose workgroups should be wide.
 //
 //   in     bins of splats, nearly by depth, records of the view (gaussians-project.glsl)
 //   out    accumulation image: premultiplied RGBA, as trained: display-referred colours
 //   error  opacity is exact to rounding; of colours the order within a slab is lost: of second order in 1 / SLABS
-//   cost   three times through a bin: per splat and pixel a quadratic form, two exponentials, and an error function for each end of a slab within
+//   cost   four times through a bin: per splat and pixel a quadratic form, two exponentials, and an error function for each end of a slab within
 //
 // Source: Celarek et al. 2025 (the model); Kerbl et al. 2023.
 #version 460
@@ -29,7 +33,7 @@
 #include "interface.glsl"
 #include "shared/device.glsl"
 #include "shared/error-function.glsl"
-#if defined PLACE_WIDE || defined SORT || defined SHARE_WIDE || defined BLEND_WIDE
+#if defined PLACE_WIDE || defined SORT || defined ADJUST || defined WEIGH || defined SHARE_WIDE || defined BLEND_WIDE
 #include "splat/pixel-lanes.glsl"
 #else
 #include "splat/column-lanes.glsl"
@@ -44,7 +48,7 @@ layout(set = 0, binding = BINDING_SPLAT_SLABS, std430) buffer SplatSlabs { uint 
 
 const float BEHIND_ALL = 3e38;
 const float MOST_DEPTH = 16.635532; // of a splat: that of an opacity which float32 does not tell from 1
-const float REACH = 3.0;            // standard deviations that slabs are told apart in
+const float REACH = 3.6;            // standard deviations that slabs are told apart in
 
 // Words of a pixel: the depths between slabs, what each holds, the end of the part of its bin that is not dark, number of depths that are placed.
 const uint SHARES = SLABS + 1u, LAST = 2u * SLABS + 1u, PLACED = LAST + 1u;
@@ -83,17 +87,17 @@ bool met(vec2 pixel, Record record, vec2 reference, vec2 drawn, out Part part) {
     return part.ends.y > part.ends.x;
 }
 
-#if defined PLACE || defined PLACE_WIDE
-// Iterations that are left but for those that place depths: of all lanes at different splats.
-uint room = MOST - 64u * SLABS;
-// Those that a splat takes at most.
-const uint TURNS = 1u, ALWAYS = 1u;
-
 // Transmittance between slabs.
 float level_of(uint k) {
     float root = 1.0 - float(k + 1u) / float(SLABS);
     return root * root;
 }
+
+#if defined PLACE || defined PLACE_WIDE
+// Iterations that are left but for those that place depths: of all lanes at different splats.
+uint room = MOST - 64u * SLABS;
+// Those that a splat takes at most.
+const uint TURNS = 1u, ALWAYS = 1u;
 
 // Depth before which a share of a splat lies, nearly (Winitzki's inverse of the error function).
 float depth_of(Part part, float share) {
@@ -161,6 +165,41 @@ void main() {
     for (uint k = placed + 1u; k < SLABS; ++k) put(place, k, back);
     for (uint k = 0u; k < SLABS; ++k) WORD(SHARES + k) = 0u;
 }
+#elif defined ADJUST
+void main() {
+    uint in_band = WORKGROUP_NUMBER, place = in_band * TILE_PIXELS + LANE;
+    if (in_band >= push.tiles) return;
+    float fresh[SLABS];
+    uint placed = 0u;
+    float depth = 0.0, end = number(place, 0u);
+    for (uint k = 0u; k < SLABS; ++k) {
+        float share = number(place, SHARES + k), begin = end;
+        end = number(place, k + 1u);
+        for (; placed < SLABS - 1u; ++placed) {
+            float wanted = -log(level_of(placed)) - depth;
+            if (wanted > share) break;
+            fresh[placed] = mix(begin, end, share > 0.0 ? max(wanted, 0.0) / share : 0.0);
+        }
+        depth += share;
+        WORD(SHARES + k) = 0u;
+    }
+    for (uint k = 0u; k < placed; ++k) put(place, k + 1u, fresh[k]);
+    for (uint k = placed + 1u; k < SLABS; ++k) put(place, k, end);
+}
+#elif defined WEIGH
+// What a unit of optical depth adds, over each slab.
+void main() {
+    uint in_band = WORKGROUP_NUMBER, place = in_band * TILE_PIXELS + LANE;
+    if (in_band >= push.tiles) return;
+    float transmittance = 1.0, opacity = 0.0;
+    for (uint k = 0u; k < SLABS; ++k) {
+        float depth = number(place, SHARES + k), taken = transmittance * (depth < 1e-3 ? depth * (1.0 - 0.5 * depth) : 1.0 - exp(-depth));
+        put(place, SHARES + k, depth > 0.0 ? taken / depth : transmittance);
+        transmittance -= taken;
+        opacity += taken;
+    }
+    store_pixel(first_pixel(in_band, LANE), vec4(0.0, 0.0, 0.0, opacity));
+}
 #else
 // The first step of a search among slabs.
 const uint TOP = SLABS > 128u ? 128u : SLABS > 64u ? 64u : SLABS > 32u ? 32u : SLABS > 16u ? 16u : 8u;
@@ -213,22 +252,9 @@ void place_in(inout Line line, uint place, vec2 from, Record record, vec2 refere
     line.sum.rgb = fma(vec3(part.depth * weight), record.colour.rgb, line.sum.rgb);
 }
 
-void end_line(inout Line line, uint place, bool unfinished) {
-#if defined SHARE || defined SHARE_WIDE
-    if (unfinished) return;
-    // What a unit of optical depth adds, over a slab.
-    float transmittance = 1.0;
-    for (uint k = 0u; k < SLABS; ++k) {
-        float depth = number(place, SHARES + k), taken = transmittance * (depth < 1e-3 ? depth * (1.0 - 0.5 * depth) : 1.0 - exp(-depth));
-        put(place, SHARES + k, depth > 0.0 ? taken / depth : transmittance);
-        transmittance -= taken;
-        line.sum.a += taken;
-    }
-#endif
-}
 #endif
 
-#ifndef SORT
+#if !defined SORT && !defined ADJUST && !defined WEIGH
 void main() {
     uint in_band = WORKGROUP_NUMBER;
     if (in_band >= push.tiles) return;
@@ -270,7 +296,7 @@ void main() {
 #if defined PLACE || defined PLACE_WIDE
 #define END(r) end_line(lines[r], place + r * TILE, i);
 #else
-#define END(r) end_line(lines[r], place + r * TILE, unfinished); store_pixel(origin + uvec2(0, r), lines[r].sum);
+#define END(r) store_pixel(origin + uvec2(0, r), lines[r].sum);
 #endif
     EACH_ROW(END)
 }

@@ -209,7 +209,8 @@ pub fn depth(scene: &Scene, view: &View) -> Result<Vec<f64>> {
 /// Integrates one ray in float64; returns premultiplied linear RGBA.
 ///
 /// The ray covers the parameters `t_range`, in units of world length from `origin` along `direction`, whose
-/// own length has no effect. An orthographic ray has the range of all numbers, a perspective ray starts at 0.
+/// own length has no effect. An orthographic ray has the range of all numbers, a perspective ray starts at 0. Trained splats have the
+/// colours that they show along a ray that has no beginning, and towards the origin of others.
 /// A surface at the end of the range is included, one at its beginning is not. There is no clip region.
 ///
 /// # Accuracy

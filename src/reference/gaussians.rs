@@ -145,8 +145,12 @@ impl<'a> GaussianRays<'a> {
     /// Draws one ray, by a rule of rays.
     pub(super) fn trace(&self, ray: &ViewRay) -> Result<[f64; 4]> {
         self.rule.check_depth("single rays")?;
-        let from_eye = |centre: DVec3| (centre - ray.origin).normalize_or_zero();
-        let all: Vec<Seen> = (0..self.splats.len()).map(|i| self.ellipsoid(i, from_eye)).collect();
+        // A ray without a beginning is one of a parallel view.
+        let parallel = ray.range[0] == f64::NEG_INFINITY;
+        let seen_along = |centre: DVec3| {
+            if parallel { ray.direction } else { (centre - ray.origin).normalize_or_zero() }
+        };
+        let all: Vec<Seen> = (0..self.splats.len()).map(|i| self.ellipsoid(i, seen_along)).collect();
         Ok(self.along(all.iter(), ray))
     }
 

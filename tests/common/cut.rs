@@ -2,7 +2,9 @@
 
 use glam::DVec3;
 use volraster::Gpu;
-use volraster::scene::{Field, KernelSize, Points, Scene, TetScalars, TransferFunction, View};
+use volraster::scene::{
+    Field, GaussianParts, Gaussians, KernelSize, Points, Scene, SplatRule, TetScalars, TransferFunction, View,
+};
 
 use super::{FOG, by_pixel, orthographic, perspective, scene, specs, view, with_option};
 
@@ -52,4 +54,26 @@ pub fn points() -> Scene {
     let scalars = (0..120_u8).map(|i| f32::from(i % 11) / 10.0).collect();
     let points = Points::new(centres.collect()).unwrap().with_scalars(scalars).unwrap();
     Scene::new(points.with_size(KernelSize::Radius(0.45)).unwrap(), fog())
+}
+
+/// Trained splats, by the rules that have depth on a ray.
+pub fn trained() -> impl Iterator<Item = Case> {
+    [SplatRule::Ray, SplatRule::Overlap, SplatRule::Integral].into_iter().map(|rule| {
+        let bound = if rule == SplatRule::Ray { 1e-4 } else { 1e-3 };
+        let scene = Scene::new(matt(&Field::Blobs.splats(900).unwrap()), fog()).with_rule(rule);
+        (rule.name(), scene, vec![("gaussians".to_string(), bound)])
+    })
+}
+
+/// Splats of one colour from all sides, so that a part of a parallel ray tells what the whole does.
+fn matt(splats: &Gaussians) -> Gaussians {
+    let parts = GaussianParts {
+        centres: splats.centres().to_vec(),
+        rotations: splats.rotations().to_vec(),
+        log_scales: splats.log_scales().to_vec(),
+        opacities: splats.opacities().to_vec(),
+        harmonics: splats.harmonics().chunks(12).flat_map(|of| &of[..3]).copied().collect(),
+        ..GaussianParts::default()
+    };
+    Gaussians::new(parts).unwrap().0
 }

@@ -154,13 +154,15 @@ fn scenes(gpu: &Gpu) -> Vec<Case> {
     let of_kernels = [("splat-sheets:sheets=axis,template=64", OWN), ("splat-sheets:sheets=axis", OWN)];
     let kernels = Kernels { kernel: Kernel::Gaussian, model: Model::Density, ..Kernels::of_samples() };
     let lattice = scene(Field::Blobs, 10, "f32", &FOG).with_kernels(kernels).unwrap();
-    vec![
+    let mut cases = vec![
         cut::grid(gpu, warps),
         ("mesh", cut::mesh(), all(&of_mesh)),
         ("cells", cut::cells(), all(&of_cells)),
         ("kernels", lattice, all(&of_kernels)),
         ("points", cut::points(), all(&of_points)),
-    ]
+    ];
+    cases.extend(cut::trained());
+    cases
 }
 
 /// What is clipped and what lies behind a depth image is not drawn, and what passes through is cut there: every technique

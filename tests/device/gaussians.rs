@@ -83,12 +83,25 @@ fn each_rule_is_its_reference() {
                 let bound = match rule {
                     SplatRule::Inria => 2e-4,
                     SplatRule::Overlap | SplatRule::Integral => 1e-3,
-                    _ => 2e-4,
+                    _ => 1e-4,
                 };
                 assert!(rmse < bound, "{i} {} {degree}{options}: {:e}", rule.name(), rmse);
                 assert!(image.pixels().iter().any(|pixel| pixel[3] > 0.9));
             }
         }
+    }
+}
+
+/// Slabs lose the order of what they hold: of second order in their number.
+#[test]
+fn errors_of_overlapping_splats_fall_with_the_step() {
+    let gpu = gpu();
+    for rule in ["overlap", "integral"].map(|name| SplatRule::named(name).unwrap()) {
+        let scene = scene(cloud(900, 1), rule);
+        let [coarse, usual, fine] = [":step=0.16", ":step=0.04", ":step=0.01"]
+            .map(|options| compared(&gpu, &scene, &views()[0], options).0[0]);
+        println!("{}: {coarse:.1e}, {usual:.1e}, {fine:.1e}", rule.name());
+        assert!(usual < coarse / 8.0 && fine < usual / 5.0, "{}: {coarse:e} {usual:e} {fine:e}", rule.name());
     }
 }
 
@@ -144,6 +157,8 @@ fn options_and_cuts_follow_the_rule() {
     let why =
         |scene: &Scene, view: &View, options: &str| try_draw(scene, view, options).unwrap_err().to_string();
     assert!(why(&khr, &view, "order=pixel").contains("no depth on a ray"));
+    assert!(why(&khr, &view, "rule=integral,order=depth").contains("order: rule=integral needs no order"));
+    assert!(why(&khr, &view, "rule=ray,step=0.1").contains("step: rule=ray has no slabs"));
     let corners = [[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0], [-9.0, 9.0]].map(|[x, y]| DVec3::new(x, y, 0.1));
     let wall =
         |alpha| Surface::new(corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]], [0.2, 0.4, 0.1, alpha]).unwrap();
@@ -151,8 +166,4 @@ fn options_and_cuts_follow_the_rule() {
     assert!(why(&cut, &view, "").contains("ray, overlap, integral have"));
     let clip = Clip::none().with_plane(DVec3::ZERO, DVec3::NEG_Z).unwrap();
     assert!(why(&khr, &view.with_clip(clip), "").contains("ray, overlap, integral have"));
-    for (scene, view) in [(cut, view), (khr, view.with_clip(clip))] {
-        let ([rmse, _], _) = compared(&gpu, &scene.with_rule(SplatRule::Ray), &view, "");
-        assert!(rmse < 1e-4, "{:e}", rmse);
-    }
 }

@@ -72,12 +72,14 @@ fn scenes(gpu: &Gpu) -> Vec<Case> {
     }
     let of_cells = [("havs:integrator=exact", 1e-6), ("abuffer:integrator=exact", 1e-6)];
     let of_points = [("splat-sheets:sheets=image,step=0.05", 3e-5), ("splat-ewa:footprint=exact", OWN)];
-    vec![
+    let mut cases = vec![
         cut::grid(gpu, []),
         ("mesh", cut::mesh(), all(&of_mesh)),
         ("cells", cut::cells(), all(&of_cells)),
         ("points", cut::points(), all(&of_points)),
-    ]
+    ];
+    cases.extend(cut::trained());
+    cases
 }
 
 /// Whether a spec cuts lines at translucent surfaces.

@@ -85,7 +85,7 @@ pub(super) struct BandedDraw {
     /// Tiles in a row.
     pub(super) across: u32,
     /// Passes over the bins, one after the other.
-    pub(super) draws: Vec<Rounds>,
+    pub(super) draws: Vec<Arc<Rounds>>,
     /// Draws again the pixels that are listed.
     pub(super) repair: Option<Repair>,
     /// Dispatches for each band.

@@ -270,7 +270,7 @@ impl SplatFrame {
         let rounds = desc.rounds(fill.longest()).max(known.rounds);
         let (draw, repair) = inputs.passes(gpu, &desc, rounds)?;
 
-        let banded = BandedDraw { bins, bands, across, draws: vec![draw], repair, rounds };
+        let banded = BandedDraw { bins, bands, across, draws: vec![draw.into()], repair, rounds };
         let outcome = banded.outcome(scene, name, set.count)?;
         Ok(Self { desc, set, view: seen, project, sort, banded, image, status, outcome })
     }

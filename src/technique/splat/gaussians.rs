@@ -4,11 +4,13 @@
 //! 1. `gaussians-project.glsl` finds the place of each splat, its squared distance as a quotient of quadratic forms, its colour from this
 //!    eye, its box of pixels and its sort key.
 //! 2. A stable sort orders splats by key; tiles take theirs in that order (`bins.glsl`).
-//! 3. `gaussians.glsl` blends the splats of each tile in registers, front to back.
+//! 3. `gaussians.glsl` blends the splats of each tile in registers, front to back. By rules that overlap, `gaussians-overlap.glsl` cuts each
+//!    pixel's line into slabs, and adds up what splats show through what lies before their shares of each.
 //!
-//! Error: that of float32 and of the packing, an RMSE of a few 1e-5; where a rule has thresholds, splats on them may count or not. Colours are
-//! display-referred, as scenes are trained. Cost: for each splat and pixel of its tiles a quadratic form and an exponential. Needs: core
-//! Vulkan 1.3.
+//! Error: that of float32 and of the packing, an RMSE of a few 1e-5; where a rule has thresholds, splats on them may count or not. By rules that
+//! overlap, colours have an error of second order in the option `step`, below 1e-3 by its default. Colours are display-referred, as scenes are
+//! trained. Cost: for each splat and pixel of its tiles a quadratic form and an exponential; by rules that overlap four times as much and an
+//! error function for each end of a slab within a splat. Needs: core Vulkan 1.3.
 
 use std::sync::{Arc, PoisonError};
 
@@ -20,12 +22,13 @@ use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::inputs::Entry;
 use crate::gpu::shader::{
-    self, GAUSSIANS_DRAW, GAUSSIANS_DRAW_WIDE, GAUSSIANS_OVERLAP_BLEND, GAUSSIANS_OVERLAP_BLEND_WIDE,
-    GAUSSIANS_OVERLAP_PLACE, GAUSSIANS_OVERLAP_PLACE_WIDE, GAUSSIANS_OVERLAP_SHARE,
-    GAUSSIANS_OVERLAP_SHARE_WIDE, GAUSSIANS_OVERLAP_SORT, GAUSSIANS_PROJECT_COMPUTE, GAUSSIANS_REPAIR,
-    GaussiansDraw, GaussiansOverlapPlace, GaussiansOverlapSort, GaussiansProject, GaussiansRepair,
-    ORDER_DEPTHS, ORDER_DISTANCES, ORDER_PIXELS, PIXELS_FIRST, RULE_ANTIALIASED, RULE_INRIA, RULE_INTEGRAL,
-    RULE_KHR, RULE_OVERLAP, RULE_RAY, STATUS_WORDS, TILE, TILE_PIXELS, TRAINED_RAY_RECORD, TRAINED_RECORD,
+    self, GAUSSIANS_DRAW, GAUSSIANS_DRAW_WIDE, GAUSSIANS_OVERLAP_ADJUST, GAUSSIANS_OVERLAP_BLEND,
+    GAUSSIANS_OVERLAP_BLEND_WIDE, GAUSSIANS_OVERLAP_PLACE, GAUSSIANS_OVERLAP_PLACE_WIDE,
+    GAUSSIANS_OVERLAP_SHARE, GAUSSIANS_OVERLAP_SHARE_WIDE, GAUSSIANS_OVERLAP_SORT, GAUSSIANS_OVERLAP_WEIGH,
+    GAUSSIANS_PROJECT_COMPUTE, GAUSSIANS_REPAIR, GaussiansDraw, GaussiansOverlapPlace, GaussiansOverlapSort,
+    GaussiansOverlapWeigh, GaussiansProject, GaussiansRepair, ORDER_DEPTHS, ORDER_DISTANCES, ORDER_PIXELS,
+    PIXELS_FIRST, RULE_ANTIALIASED, RULE_INRIA, RULE_INTEGRAL, RULE_KHR, RULE_OVERLAP, RULE_RAY,
+    STATUS_WORDS, TILE, TILE_PIXELS, TRAINED_RAY_RECORD, TRAINED_RECORD,
 };
 use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::interface::{SplatPush, TrainedPush};
@@ -43,10 +46,10 @@ use crate::technique::splat::options::TileOptions;
 use crate::technique::splat::outcome::SplatOutcome;
 
 /// The steps of slabs that are allowed.
-const STEPS: [f64; 2] = [0.004, 0.5];
+const STEPS: [f64; 2] = [0.005, 0.5];
 
 /// The step of slabs where nothing sets it.
-const STEP: f64 = 0.03;
+const STEP: f64 = 0.04;
 
 /// Bytes that slabs may take; images of more are drawn in several bands.
 const SLAB_BYTES: u64 = 128 << 20;
@@ -73,15 +76,17 @@ words! {
 option_set! {
     /// Options of `gaussians`.
     pub struct Options {
-        /// Selects the rule of drawing. khr, inria and antialiased project ellipses, ray takes the greatest opacity along each pixel's ray.
+        /// Selects the rule of drawing. khr, inria and antialiased project ellipses, ray takes the greatest opacity along each pixel's ray,
+        /// overlap and integral take splats as extinction that is spread along it.
         pub rule: Option<SplatRule> = None => Rule::words().unset("the scene's, or the one that its splats were trained under"),
         /// Selects the order of blending. depth and distance take splats by their centres, as rules of the image do, and may jump when the
-        /// camera turns; pixel takes them in each pixel by the place where its ray is nearest to them, with rule=ray.
+        /// camera turns; pixel takes them in each pixel by the place where its ray is nearest to them, with rule=ray. Rules that overlap need
+        /// none.
         pub order: Option<SplatOrder> = None
             => Rule::words().unset("the rule's: distance for khr, depth for inria and antialiased, pixel for ray"),
         /// Sets the largest step of the square root of a pixel's transmittance between slabs, in which rule=overlap and rule=integral take
         /// splats without order. The error of colours falls with its square.
-        pub step: Option<f64> = None => Rule::between(STEPS).unset("0.03 by rules that overlap"),
+        pub step: Option<f64> = None => Rule::between(STEPS).unset("0.04 by rules that overlap"),
         /// Options of tiles.
         pub tiles: TileOptions = TileOptions::default() => GROUP,
     }
@@ -103,6 +108,8 @@ impl TechniqueOptions for Options {
             ("antialiased", "pairs=700", [2e-4, 1e-2]),
             ("ray", "", [1e-4, 1e-3]),
             ("ray", "order=depth", [2e-2, 0.1]),
+            ("overlap", "", [1e-3, 1e-2]),
+            ("integral", "step=0.02", [5e-4, 5e-3]),
         ],
         families: &[],
     };
@@ -185,7 +192,7 @@ fn code_of(rule: SplatRule) -> u32 {
     }
 }
 
-/// Words of each pixel that `gaussians-overlap.glsl` needs.
+/// Returns the words of each pixel that `gaussians-overlap.glsl` needs.
 fn slab_words(slabs: u32) -> u32 {
     2 * slabs + 3
 }
@@ -270,6 +277,14 @@ impl TrainedFrame {
         let meet = || shader::Meet { splat_records: records.read(), splat_rule: desc.rule };
         let rounds = fill.longest().div_ceil(turns).max(1).max(known.rounds);
         let draws = if let Some(slabs) = desc.slabs {
+            // A column's lines place depths at different splats; a line sorts its own.
+            if turns < 2 * slabs.max(64) * slabs {
+                let why = format!(
+                    "{turns} loop iterations of an invocation: step={} needs more",
+                    1.0 / f64::from(slabs)
+                );
+                return Err(Error::unsupported(format!("{name} of overlapping splats"), why));
+            }
             let words = buffer(gpu, "slabs", u64::from(slab_words(slabs)) * in_band)?;
             let pass = |entry: &Entry<GaussiansOverlapPlace>, step: &str| {
                 Rounds::new(gpu, &format!("{name}.{step}"), rounds, |resume| {
@@ -287,14 +302,27 @@ impl TrainedFrame {
             } else {
                 [GAUSSIANS_OVERLAP_PLACE_WIDE, GAUSSIANS_OVERLAP_SHARE_WIDE, GAUSSIANS_OVERLAP_BLEND_WIDE]
             };
-            let sort = Rounds::new(gpu, &format!("{name}.slabs.sort"), 1, |_| {
-                GAUSSIANS_OVERLAP_SORT
-                    .with(&GaussiansOverlapSort { splat_slabs: words.write(), slab_count: slabs })
+            let by_line = |entry: &Entry<GaussiansOverlapSort>, step: &str| {
+                Rounds::new(gpu, &format!("{name}.{step}"), 1, |_| {
+                    entry.with(&GaussiansOverlapSort { splat_slabs: words.write(), slab_count: slabs })
+                })
+            };
+            let weigh = Rounds::new(gpu, &format!("{name}.weigh"), 1, |_| {
+                GAUSSIANS_OVERLAP_WEIGH.with(&GaussiansOverlapWeigh {
+                    splat_slabs: words.write(),
+                    slab_count: slabs,
+                    band: band(false),
+                })
             })?;
-            vec![pass(&place, "place")?, sort, pass(&share, "share")?, pass(&blend, "blend")?]
+            let place = pass(&place, "place")?;
+            let order = by_line(&GAUSSIANS_OVERLAP_SORT, "slabs")?;
+            let share = Arc::new(pass(&share, "share")?);
+            let adjust = by_line(&GAUSSIANS_OVERLAP_ADJUST, "adjust")?;
+            let blend = pass(&blend, "blend")?;
+            vec![place.into(), order.into(), share.clone(), adjust.into(), share, weigh.into(), blend.into()]
         } else {
             let shader = if desc.tiles.columns(name, gpu)? { GAUSSIANS_DRAW } else { GAUSSIANS_DRAW_WIDE };
-            vec![Rounds::new(gpu, &format!("{name}.draw"), rounds, |resume| {
+            let draw = Rounds::new(gpu, &format!("{name}.draw"), rounds, |resume| {
                 shader.with(&GaussiansDraw {
                     pixels: pixels.write(),
                     splat_by_pixel: desc.by_pixel(),
@@ -302,7 +330,8 @@ impl TrainedFrame {
                     band: band(resume),
                     bounded: target.bounded(&records),
                 })
-            })?]
+            })?;
+            vec![draw.into()]
         };
         let repair = || {
             let draw = Rounds::new(gpu, &format!("{name}.repair"), 1, |_| {
