@@ -54,6 +54,9 @@ const float REACH = 3.6;            // standard deviations that slabs are told a
 const uint SHARES = SLABS + 1u, LAST = 2u * SLABS + 1u, PLACED = LAST + 1u;
 #define WORD(k) slabs[(k) * push.tiles * TILE_PIXELS + place]
 
+// The same as SLABS, unknown to compilers, which would unroll loops of that length.
+#define COUNT min(SLABS, uint(slabs.length()))
+
 float number(uint place, uint k) {
     return uintBitsToFloat(WORD(k));
 }
@@ -154,7 +157,7 @@ void end_line(Line line, uint place, uint i) {
 void main() {
     uint in_band = WORKGROUP_NUMBER, place = in_band * TILE_PIXELS + LANE;
     if (in_band >= push.tiles) return;
-    uint placed = WORD(PLACED);
+    uint placed = WORD(PLACED), count = COUNT;
     for (uint i = 2u; i <= placed; ++i) {
         float depth = number(place, i);
         uint k = i;
@@ -162,20 +165,20 @@ void main() {
         put(place, k, depth);
     }
     float back = number(place, SLABS);
-    for (uint k = placed + 1u; k < SLABS; ++k) put(place, k, back);
-    for (uint k = 0u; k < SLABS; ++k) WORD(SHARES + k) = 0u;
+    for (uint k = placed + 1u; k < count; ++k) put(place, k, back);
+    for (uint k = 0u; k < count; ++k) WORD(SHARES + k) = 0u;
 }
 #elif defined ADJUST
 void main() {
     uint in_band = WORKGROUP_NUMBER, place = in_band * TILE_PIXELS + LANE;
     if (in_band >= push.tiles) return;
     float fresh[SLABS];
-    uint placed = 0u;
+    uint placed = 0u, count = COUNT;
     float depth = 0.0, end = number(place, 0u);
-    for (uint k = 0u; k < SLABS; ++k) {
+    for (uint k = 0u; k < count; ++k) {
         float share = number(place, SHARES + k), begin = end;
         end = number(place, k + 1u);
-        for (; placed < SLABS - 1u; ++placed) {
+        for (; placed < count - 1u; ++placed) {
             float wanted = -log(level_of(placed)) - depth;
             if (wanted > share) break;
             fresh[placed] = mix(begin, end, share > 0.0 ? max(wanted, 0.0) / share : 0.0);
@@ -184,7 +187,7 @@ void main() {
         WORD(SHARES + k) = 0u;
     }
     for (uint k = 0u; k < placed; ++k) put(place, k + 1u, fresh[k]);
-    for (uint k = placed + 1u; k < SLABS; ++k) put(place, k, end);
+    for (uint k = placed + 1u; k < count; ++k) put(place, k, end);
 }
 #elif defined WEIGH
 // What a unit of optical depth adds, over each slab.
@@ -192,7 +195,8 @@ void main() {
     uint in_band = WORKGROUP_NUMBER, place = in_band * TILE_PIXELS + LANE;
     if (in_band >= push.tiles) return;
     float transmittance = 1.0, opacity = 0.0;
-    for (uint k = 0u; k < SLABS; ++k) {
+    uint count = COUNT;
+    for (uint k = 0u; k < count; ++k) {
         float depth = number(place, SHARES + k), taken = transmittance * (depth < 1e-3 ? depth * (1.0 - 0.5 * depth) : 1.0 - exp(-depth));
         put(place, SHARES + k, depth > 0.0 ? taken / depth : transmittance);
         transmittance -= taken;

@@ -46,7 +46,7 @@ use crate::technique::splat::options::TileOptions;
 use crate::technique::splat::outcome::SplatOutcome;
 
 /// The steps of slabs that are allowed.
-const STEPS: [f64; 2] = [0.005, 0.5];
+const STEPS: [f64; 2] = [0.006, 0.5];
 
 /// The step of slabs where nothing sets it.
 const STEP: f64 = 0.04;
