@@ -79,6 +79,7 @@ fn prepare(gpu: &Gpu) -> Result<()> {
         Scene::new(Field::Blobs.points(300)?.with_estimated_radius(), transfer()?),
         Scene::new(Field::Blobs.splats(8)?, transfer()?),
         Scene::new(Field::Blobs.splats(8)?, transfer()?).with_rule(SplatRule::Ray),
+        Scene::new(Field::Blobs.splats(8)?, transfer()?).with_rule(SplatRule::Overlap),
     ];
     let projection = Projection::Perspective { fov_y_deg: 42.0 };
     let camera = Camera { eye: DVec3::new(2.0, 1.5, 3.8), target: DVec3::ZERO, up: DVec3::Y, projection };

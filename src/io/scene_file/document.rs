@@ -27,7 +27,7 @@ use crate::scene::{Camera, Clip, Kernels, Lighting, Mode, Projection, View};
 /// A scene of volraster: the data, and how it is drawn. It has exactly one of `volume`, `mesh`, `points` and `gaussians`.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a scene: an object with `volume`, `mesh`, `points` or `gaussians`")]
-#[schemars(title = "Scene file of volraster", transform = rules([
+#[schemars(title = "Scene file of volraster", transform = rules(vec![
     one_of(&["volume", "mesh", "points", "gaussians"]),
     with("lighting", only("mode", [Mode::Lit(Lighting::default()).name()])),
     with("kernels", json!({"properties": {"points": lacks(&KernelsSpec::OF_POINTS)}})),
@@ -190,7 +190,7 @@ impl ImageSpec {
 /// The viewpoint. Pixels are square.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with eye, target, up and fov_y_deg or half_height")]
-#[schemars(transform = rules([one_of(&["fov_y_deg", "half_height"])]))]
+#[schemars(transform = rules(vec![one_of(&["fov_y_deg", "half_height"])]))]
 pub(crate) struct CameraSpec {
     /// Sets the position of the eye, in world coordinates.
     eye: [f64; 3],

@@ -8,13 +8,13 @@ use serde::Deserialize;
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::{SceneData, beside, read};
-use crate::io::scene_file::schema::{any_case, needs, rules, words};
+use crate::io::scene_file::schema::{any_case, names, needs, rules, words};
 use crate::scene::{Axes, SplatRule, StoredAxes};
 
 /// Trained Gaussian splats in a file.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `file`, `axes`, `turn_to` and `rule`")]
-#[schemars(transform = rules([needs(&["file"])]))]
+#[schemars(transform = rules(vec![needs(&["file"])]))]
 pub(crate) struct GaussiansSpec {
     /// Names a file that holds Gaussian splats.
     file: Option<String>,
@@ -26,7 +26,7 @@ pub(crate) struct GaussiansSpec {
     #[schemars(transform = any_case(PROPOSED, Axes::ALL.map(Axes::name)))]
     turn_to: Option<String>,
     /// Selects the rule of drawing. Left out: the one that the splats were trained under, as far as the file tells, else `inria`.
-    #[schemars(transform = words(SplatRule::ALL.map(|(name, _)| name)))]
+    #[schemars(transform = words(names(SplatRule::ALL)))]
     rule: Option<String>,
 }
 

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
-use crate::io::scene_file::schema::{lacks, only, words};
+use crate::io::scene_file::schema::{lacks, names, only, words};
 use crate::scene::{Kernel, Kernels, Model};
 
 /// The kernels of any data.
@@ -15,7 +15,7 @@ use crate::scene::{Kernel, Kernels, Model};
 #[serde(deny_unknown_fields, expecting = "an object with `kernel`, `sigma`, `cut`, `model`, `least`")]
 pub(crate) struct KernelsSpec {
     /// Selects the shape of a kernel. `tent` and `sinc` are for grids.
-    #[schemars(transform = words(Kernel::ALL.map(|(name, _)| name)), extend("default" = Kernels::of_samples().kernel.name()))]
+    #[schemars(transform = words(names(Kernel::ALL)), extend("default" = Kernels::of_samples().kernel.name()))]
     pub(crate) kernel: Option<String>,
     /// Sets the standard deviation of `gaussian` kernels on grids, in voxels.
     #[schemars(range(min = Kernels::SIGMA[0], max = Kernels::SIGMA[1]), extend("default" = Kernels::of_samples().sigma))]
@@ -25,7 +25,7 @@ pub(crate) struct KernelsSpec {
     pub(crate) cut: Option<f64>,
     /// Selects what kernels add up to: `density` adds their extinctions, `interpolate` takes the weighted mean of their
     /// scalars. Left out: `density` for points, else `interpolate`.
-    #[schemars(transform = words(Model::ALL.map(|(name, _)| name)))]
+    #[schemars(transform = words(names(Model::ALL)))]
     pub(crate) model: Option<String>,
     /// Sets the sum of weights below which the model `interpolate` has vacuum.
     #[schemars(range(min = Kernels::LEASTS[0], max = Kernels::LEASTS[1]), extend("default" = Kernels::LEAST))]

@@ -15,7 +15,7 @@ use crate::scene::{Data, Field};
 // One struct has the keys of both, so that every error names its key.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
-#[schemars(transform = rules([
+#[schemars(transform = rules(vec![
     one_of(&["file", "field"]),
     with("file", lacks(&["cubes"])),
     with("field", needs(&["cubes"])),

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::{Given, SceneData, check_memory, read, refuse_arrays};
 use crate::io::scene_file::kernels::KernelsSpec;
-use crate::io::scene_file::schema::{lacks, needs, one_of, rules, with, words};
+use crate::io::scene_file::schema::{lacks, names, needs, one_of, rules, with, words};
 use crate::num;
 use crate::scene::{Data, Field, KernelSize, Kernels, Model, Points};
 
@@ -20,7 +20,7 @@ use crate::scene::{Data, Field, KernelSize, Kernels, Model, Points};
 // One struct has the keys of both, so that every error names its key.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
-#[schemars(transform = rules([
+#[schemars(transform = rules(vec![
     one_of(&["file", "field"]),
     with("file", lacks(&["count"])),
     with("field", needs(&["count"])),
@@ -55,7 +55,7 @@ pub(crate) struct PointsSpec {
     /// Selects what kernels add up to: `density` adds their extinctions, `interpolate` takes the weighted mean of their
     /// scalars.
     #[schemars(
-        transform = words(Model::ALL.map(|(name, _)| name)),
+        transform = words(names(Model::ALL)),
         extend("default" = Kernels::of_points().model.name())
     )]
     model: Option<String>,

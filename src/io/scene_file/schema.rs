@@ -17,6 +17,11 @@ pub(super) fn words<'a>(words: impl IntoIterator<Item = &'a str>) -> impl Transf
     }
 }
 
+/// Returns the names of a list. Attributes of schemars have no closures: it would need other features of `syn`.
+pub(super) fn names<T, const N: usize>(list: [(&'static str, T); N]) -> [&'static str; N] {
+    list.map(|(name, _)| name)
+}
+
 /// Allows words in any case, of which an editor proposes some.
 pub(super) fn any_case<'a>(
     proposed: impl IntoIterator<Item = &'a str>,
@@ -49,9 +54,9 @@ pub(super) fn positive(description: &str) -> Value {
 }
 
 /// Adds rules between keys to an object.
-pub(super) fn rules<const N: usize>(rules: [Value; N]) -> impl Transform {
+pub(super) fn rules(rules: Vec<Value>) -> impl Transform {
     move |schema: &mut Schema| {
-        schema.insert("allOf".to_string(), rules.to_vec().into());
+        schema.insert("allOf".to_string(), rules.clone().into());
     }
 }
 

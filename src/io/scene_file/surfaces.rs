@@ -10,7 +10,7 @@ use crate::io::formats::fan::Triangles;
 use crate::io::formats::triangles;
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::beside;
-use crate::io::scene_file::schema::{one_of, rules, words};
+use crate::io::scene_file::schema::{names, one_of, rules, words};
 use crate::num;
 use crate::scene::{Shading, Surface};
 
@@ -21,7 +21,7 @@ const MAX_TRIANGLES: usize = (1 << 31) - 1;
 // One struct has the keys of all three, so that every error names its key.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "a surface: an object with `file`, `box` or `sphere`")]
-#[schemars(transform = rules([one_of(&["file", "box", "sphere"])]))]
+#[schemars(transform = rules(vec![one_of(&["file", "box", "sphere"])]))]
 pub(crate) struct SurfaceSpec {
     /// Names a PLY or OBJ file of triangles or polygons.
     file: Option<String>,
@@ -37,7 +37,7 @@ pub(crate) struct SurfaceSpec {
     #[schemars(range(min = 0, max = 1), extend("default" = OPACITY))]
     opacity: Option<f64>,
     /// Selects the shading: `headlight` multiplies the colour by the cosine between normal and ray, `flat` leaves it.
-    #[schemars(transform = words(SHADES.map(|(name, _)| name)), extend("default" = SHADE.0))]
+    #[schemars(transform = words(names(SHADES)), extend("default" = SHADE.0))]
     shade: Option<String>,
     /// Multiplies the coordinates, before `translate` moves them.
     #[schemars(extend("exclusiveMinimum" = 0, "default" = SCALE))]

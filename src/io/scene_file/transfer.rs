@@ -42,7 +42,7 @@ fn knot() -> Value {
 /// A preset, an isosurface, or a file that holds the transfer function.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(transform = rules([
+#[schemars(transform = rules(vec![
     one_of(&["preset", "isosurface", "file"]),
     with("isosurface", lacks(&["range", "tau_scale"])),
     with("file", lacks(&["range", "tau_scale", "colour"])),
@@ -50,7 +50,7 @@ fn knot() -> Value {
 ]))]
 pub(crate) struct PresetSpec {
     /// Selects a preset.
-    #[schemars(transform = words(PRESETS.map(|preset| preset.name)))]
+    #[schemars(transform = words(preset_names()))]
     preset: Option<String>,
     /// Sets the scalars over which a preset is stretched, the first below the second. Left out: those that suit the
     /// data.
@@ -66,6 +66,10 @@ pub(crate) struct PresetSpec {
     /// Sets the colour of the isosurface: linear red, green and blue.
     #[schemars(inner(range(min = 0)), extend("default" = auto::ISOSURFACE_COLOUR.to_array()))]
     colour: Option<[f64; 3]>,
+}
+
+fn preset_names() -> [&'static str; PRESETS.len()] {
+    PRESETS.map(|preset| preset.name)
 }
 
 impl<'de> Deserialize<'de> for TransferSpec {

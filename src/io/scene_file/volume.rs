@@ -13,14 +13,16 @@ use crate::io::formats::raw;
 use crate::io::formats::raw::layout::{ENDIANS, RawLayout, Sidecar, type_names};
 use crate::io::options::ReadOptions;
 use crate::io::scene_file::data::{Given, SceneData, read, refuse_arrays};
-use crate::io::scene_file::schema::{any_case, entries, lacks, needs, one_of, only, rules, with, words};
+use crate::io::scene_file::schema::{
+    any_case, entries, lacks, names, needs, one_of, only, rules, with, words,
+};
 use crate::scene::{Field, Grid};
 
 /// A grid: a data file, raw samples, or an analytic field.
 // One struct has the keys of all three, so that every error names its key.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `file` or `field`")]
-#[schemars(transform = rules([
+#[schemars(transform = rules(vec![
     one_of(&["file", "field"]),
     with("file", with("dims", needs(&["type"]))),
     with("file", with("type", needs(&["dims"]))),
@@ -46,13 +48,13 @@ pub(crate) struct VolumeSpec {
     /// Selects the type of raw samples, which need it, or of a field, which have `u8`, `u16`, `i16` and `f32`. Names such
     /// as `uint8` and `float` are also read.
     #[schemars(
-        transform = any_case(SampleType::ALL.map(SampleType::name), type_names().map(|(name, ..)| name)),
+        transform = any_case(SampleType::ALL.map(SampleType::name), written_types()),
         extend("default" = FIELD_TYPE)
     )]
     r#type: Option<String>,
     /// Selects the byte order of raw samples.
     #[schemars(
-        transform = any_case(ENDIANS.map(|(name, _)| name), ENDIANS.map(|(name, _)| name)),
+        transform = any_case(names(ENDIANS), names(ENDIANS)),
         extend("default" = ENDIANS[0].0)
     )]
     endian: Option<String>,
@@ -72,6 +74,10 @@ pub(crate) struct VolumeSpec {
 }
 
 /// The keys that place raw samples in their file and in the world.
+fn written_types() -> impl Iterator<Item = String> {
+    type_names().map(|(name, ..)| name)
+}
+
 const RAW: [&str; 5] = ["endian", "spacing", "origin", "direction", "offset"];
 
 /// The default type of the samples of a field.

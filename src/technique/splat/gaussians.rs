@@ -30,7 +30,7 @@ use crate::gpu::shader::{
     PIXELS_FIRST, RULE_ANTIALIASED, RULE_INRIA, RULE_INTEGRAL, RULE_KHR, RULE_OVERLAP, RULE_RAY,
     STATUS_WORDS, TILE, TILE_PIXELS, TRAINED_RAY_RECORD, TRAINED_RECORD,
 };
-use crate::gpu::{Buffer, Image, Recorder, TargetImage};
+use crate::gpu::{Buffer, Gpu, Image, Recorder, TargetImage};
 use crate::interface::{SplatPush, TrainedPush};
 use crate::num::{self, f32_of};
 use crate::primitives::bins::{Bins, Fill, Ranked};
@@ -259,95 +259,132 @@ impl TrainedFrame {
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
         let bins = Bins::new(gpu, name, &ranked, widest, capacity, false)?;
 
-        // 3. The pass that blends bins.
+        // 3. The passes that blend bins.
         let format = vk::Format::R32G32B32A32_SFLOAT;
         let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, view, target)?;
         let in_band = u64::from(widest) * u64::from(TILE_PIXELS);
-        let state = buffer(gpu, "state", 2 * in_band)?;
         let listed = if desc.by_pixel() { 2 * in_band } else { 0 };
-        let pixels = buffer(gpu, "pixels", u64::from(PIXELS_FIRST) + listed)?;
-        let band = |resume: bool| shader::Band {
-            accumulation: image.stored(),
-            bins: bins.entries.write(),
-            bin_ends: bins.ends.read(),
-            splat_state: state.write(),
-            status: status.write(),
-            resume,
+        let inputs = Inputs {
+            desc,
+            target,
+            image: &image,
+            bins: &bins,
+            status: &status,
+            records,
+            state: buffer(gpu, "state", 2 * in_band)?,
+            pixels: buffer(gpu, "pixels", u64::from(PIXELS_FIRST) + listed)?,
+            columns: desc.tiles.columns(name, gpu)?,
         };
-        let meet = || shader::Meet { splat_records: records.read(), splat_rule: desc.rule };
         let rounds = fill.longest().div_ceil(turns).max(1).max(known.rounds);
-        let draws = if let Some(slabs) = desc.slabs {
-            // A column's lines place depths at different splats; a line sorts its own.
-            if turns < 2 * slabs.max(64) * slabs {
-                let why = format!(
-                    "{turns} loop iterations of an invocation: step={} needs more",
-                    1.0 / f64::from(slabs)
-                );
-                return Err(Error::unsupported(format!("{name} of overlapping splats"), why));
-            }
-            let words = buffer(gpu, "slabs", u64::from(slab_words(slabs)) * in_band)?;
-            let pass = |entry: &Entry<GaussiansOverlapPlace>, step: &str| {
-                Rounds::new(gpu, &format!("{name}.{step}"), rounds, |resume| {
-                    entry.with(&GaussiansOverlapPlace {
-                        meet: meet(),
-                        slab_count: slabs,
-                        splat_slabs: words.write(),
-                        band: band(resume),
-                        bounded: target.bounded(&records),
-                    })
-                })
-            };
-            let [place, share, blend] = if desc.tiles.columns(name, gpu)? {
-                [GAUSSIANS_OVERLAP_PLACE, GAUSSIANS_OVERLAP_SHARE, GAUSSIANS_OVERLAP_BLEND]
-            } else {
-                [GAUSSIANS_OVERLAP_PLACE_WIDE, GAUSSIANS_OVERLAP_SHARE_WIDE, GAUSSIANS_OVERLAP_BLEND_WIDE]
-            };
-            let by_line = |entry: &Entry<GaussiansOverlapSort>, step: &str| {
-                Rounds::new(gpu, &format!("{name}.{step}"), 1, |_| {
-                    entry.with(&GaussiansOverlapSort { splat_slabs: words.write(), slab_count: slabs })
-                })
-            };
-            let weigh = Rounds::new(gpu, &format!("{name}.weigh"), 1, |_| {
-                GAUSSIANS_OVERLAP_WEIGH.with(&GaussiansOverlapWeigh {
-                    splat_slabs: words.write(),
-                    slab_count: slabs,
-                    band: band(false),
-                })
-            })?;
-            let place = pass(&place, "place")?;
-            let order = by_line(&GAUSSIANS_OVERLAP_SORT, "slabs")?;
-            let share = Arc::new(pass(&share, "share")?);
-            let adjust = by_line(&GAUSSIANS_OVERLAP_ADJUST, "adjust")?;
-            let blend = pass(&blend, "blend")?;
-            vec![place.into(), order.into(), share.clone(), adjust.into(), share, weigh.into(), blend.into()]
-        } else {
-            let shader = if desc.tiles.columns(name, gpu)? { GAUSSIANS_DRAW } else { GAUSSIANS_DRAW_WIDE };
-            let draw = Rounds::new(gpu, &format!("{name}.draw"), rounds, |resume| {
-                shader.with(&GaussiansDraw {
-                    pixels: pixels.write(),
-                    splat_by_pixel: desc.by_pixel(),
-                    meet: meet(),
-                    band: band(resume),
-                    bounded: target.bounded(&records),
-                })
-            })?;
-            vec![draw.into()]
+        let draws = match desc.slabs {
+            Some(slabs) => inputs.overlap(gpu, rounds, slabs, in_band)?,
+            None => vec![inputs.blend(gpu, rounds)?.into()],
         };
-        let repair = || {
-            let draw = Rounds::new(gpu, &format!("{name}.repair"), 1, |_| {
-                GAUSSIANS_REPAIR.with(&GaussiansRepair {
-                    pixels: pixels.write(),
-                    meet: meet(),
-                    band: band(false),
-                    bounded: target.bounded(&records),
-                })
-            })?;
-            Ok(Repair { pixels: Arc::clone(&pixels), draw })
-        };
-        let repair = desc.by_pixel().then(repair).transpose()?;
+        let repair = desc.by_pixel().then(|| inputs.repair(gpu)).transpose()?;
         let banded = BandedDraw { bins, bands, across, draws, repair, rounds };
         let outcome = banded.outcome(scene, name, set.count)?;
         Ok(Self { set, project, sort, banded, pushes, image, status, outcome })
+    }
+}
+
+/// What passes that blend bins read and write.
+struct Inputs<'a> {
+    desc: &'a TrainedDesc,
+    target: &'a Canvas,
+    image: &'a Arc<Image>,
+    bins: &'a Bins,
+    status: &'a Arc<Buffer>,
+    records: Arc<Buffer>,
+    state: Arc<Buffer>,
+    pixels: Arc<Buffer>,
+    /// Whether an invocation draws a column of a tile.
+    columns: bool,
+}
+
+impl Inputs<'_> {
+    fn band(&self, resume: bool) -> shader::Band {
+        shader::Band {
+            accumulation: self.image.stored(),
+            bins: self.bins.entries.write(),
+            bin_ends: self.bins.ends.read(),
+            splat_state: self.state.write(),
+            status: self.status.write(),
+            resume,
+        }
+    }
+
+    fn meet(&self) -> shader::Meet {
+        shader::Meet { splat_records: self.records.read(), splat_rule: self.desc.rule }
+    }
+
+    /// Makes the pass of rules that blend whole splats.
+    fn blend(&self, gpu: &Gpu, rounds: u32) -> Result<Rounds> {
+        let shader = if self.columns { GAUSSIANS_DRAW } else { GAUSSIANS_DRAW_WIDE };
+        Rounds::new(gpu, &format!("{}.draw", Options::NAME), rounds, |resume| {
+            shader.with(&GaussiansDraw {
+                pixels: self.pixels.write(),
+                splat_by_pixel: self.desc.by_pixel(),
+                meet: self.meet(),
+                band: self.band(resume),
+                bounded: self.target.bounded(&self.records),
+            })
+        })
+    }
+
+    /// Makes the pass that draws pixels once more, in whose lines the order of the bin is too far from their own.
+    fn repair(&self, gpu: &Gpu) -> Result<Repair> {
+        let draw = Rounds::new(gpu, &format!("{}.repair", Options::NAME), 1, |_| {
+            GAUSSIANS_REPAIR.with(&GaussiansRepair {
+                pixels: self.pixels.write(),
+                meet: self.meet(),
+                band: self.band(false),
+                bounded: self.target.bounded(&self.records),
+            })
+        })?;
+        Ok(Repair { pixels: Arc::clone(&self.pixels), draw })
+    }
+
+    /// Makes the passes of rules that overlap.
+    fn overlap(&self, gpu: &Gpu, rounds: u32, slabs: u32, in_band: u64) -> Result<Vec<Arc<Rounds>>> {
+        let (name, turns) = (Options::NAME, gpu.turns()?);
+        // A column's lines place depths at different splats; a line sorts its own.
+        if turns < 2 * slabs.max(64) * slabs {
+            let step = 1.0 / f64::from(slabs);
+            let why = format!("{turns} loop iterations of an invocation: step={step} needs more");
+            return Err(Error::unsupported(format!("{name} of overlapping splats"), why));
+        }
+        let words = buffer(gpu, "slabs", u64::from(slab_words(slabs)) * in_band)?;
+        let pass =
+            |columns: &Entry<GaussiansOverlapPlace>, pixels: &Entry<GaussiansOverlapPlace>, step: &str| {
+                let entry = if self.columns { columns } else { pixels };
+                Rounds::new(gpu, &format!("{name}.{step}"), rounds, |resume| {
+                    entry.with(&GaussiansOverlapPlace {
+                        meet: self.meet(),
+                        slab_count: slabs,
+                        splat_slabs: words.write(),
+                        band: self.band(resume),
+                        bounded: self.target.bounded(&self.records),
+                    })
+                })
+            };
+        let by_line = |entry: &Entry<GaussiansOverlapSort>, step: &str| {
+            Rounds::new(gpu, &format!("{name}.{step}"), 1, |_| {
+                entry.with(&GaussiansOverlapSort { splat_slabs: words.write(), slab_count: slabs })
+            })
+        };
+        let place = pass(&GAUSSIANS_OVERLAP_PLACE, &GAUSSIANS_OVERLAP_PLACE_WIDE, "place")?;
+        let order = by_line(&GAUSSIANS_OVERLAP_SORT, "slabs")?;
+        let share = Arc::new(pass(&GAUSSIANS_OVERLAP_SHARE, &GAUSSIANS_OVERLAP_SHARE_WIDE, "share")?);
+        let adjust = by_line(&GAUSSIANS_OVERLAP_ADJUST, "adjust")?;
+        let weigh = Rounds::new(gpu, &format!("{name}.weigh"), 1, |_| {
+            GAUSSIANS_OVERLAP_WEIGH.with(&GaussiansOverlapWeigh {
+                splat_slabs: words.write(),
+                slab_count: slabs,
+                band: self.band(false),
+            })
+        })?;
+        let blend = pass(&GAUSSIANS_OVERLAP_BLEND, &GAUSSIANS_OVERLAP_BLEND_WIDE, "blend")?;
+        Ok(vec![place.into(), order.into(), share.clone(), adjust.into(), share, weigh.into(), blend.into()])
     }
 }
 
