@@ -8,7 +8,7 @@ use crate::frame::target::Canvas;
 use crate::frame::upsampling::Drawn;
 use crate::resident::GpuScene;
 use crate::resident::surfaces::SurfaceData;
-use crate::scene::{Data, Kernel, Mode, Scene, Surface, View};
+use crate::scene::{Data, Kernel, Mode, Scene, SplatRule, Surface, View};
 use crate::technique::declare::draw::{self, Draw as _, Facts, Family, Sample, TechniqueOptions as _};
 use crate::technique::declare::{self, OptionInfo};
 use crate::technique::grid::{raycast, slabs, slices_2d, slices_3d};
@@ -275,6 +275,13 @@ impl Technique {
         };
         let pairs: Result<Vec<_>> = rest.split(',').filter(|p| !p.trim().is_empty()).map(pair).collect();
         Self::new(method, &pairs?)
+    }
+
+    /// Returns the rule of trained splats that its options set in place of the scene's: the truth of its images is that of
+    /// [`Scene::with_rule`].
+    #[must_use]
+    pub fn splat_rule(&self) -> Option<SplatRule> {
+        if let Self::Gaussians(options) = self { options.rule } else { None }
     }
 
     /// Builds the frame of a view; refuses scenes that it does not draw.

@@ -114,3 +114,34 @@ fn options_that_do_not_fit_are_refused() {
         assert!(run.code == 2 && run.err.contains(part), "{line}: {}{}", run.out, run.err);
     }
 }
+
+/// Each rule is drawn and compared with its own truth, and rules with each other.
+#[test]
+fn compare_measures_rules_against_their_own_truths() {
+    let folder = Folder::new();
+    let whole = ply().replace("vertex 4", "vertex 3").replace("0 0 nan 0 0 0 0 0 0 0 1 0 0 0\n", "");
+    folder.write("a.ply", whole);
+    let run = folder.run("compare a.ply -o out --size 24x18 --validate").done();
+    assert!(run.out.contains("distances between rules"), "{}", run.out);
+    let errors = folder.json("out/errors.json");
+    let errors = errors.as_array().unwrap();
+    assert_eq!(errors.len(), 6);
+    for entry in errors {
+        let rule = entry["options"]["rule"].as_str().unwrap();
+        assert_eq!(entry["image"], format!("gaussians-{rule}.exr"));
+        assert!(entry["rmse"].as_f64().unwrap() < 1e-3, "{rule}: {}", entry["rmse"]);
+        assert!(folder.path(&format!("out/reference-{rule}.exr")).exists());
+    }
+    let distances = folder.json("out/distances.json");
+    let distances = distances.as_array().unwrap();
+    assert_eq!(distances.len(), 15);
+    let between = |rules: [&str; 2]| {
+        let found = distances.iter().find(|distance| distance["rules"] == json!(rules)).unwrap();
+        found["rmse"].as_f64().unwrap()
+    };
+    assert!(between(["khr", "inria"]) > 2e-3);
+    // What is asked for alone has one truth, of its own rule.
+    folder.run("compare a.ply -o one --size 24x18 --techniques gaussians:rule=ray --validate").done();
+    assert!(folder.json("one/errors.json")[0]["rmse"].as_f64().unwrap() < 1e-5);
+    assert!(!folder.path("one/distances.json").exists());
+}

@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 use volraster::io::{write_exr, write_png};
 use volraster::measure::{ImageErrors, heat_map_f64};
 use volraster::reference::ReferenceImage;
-use volraster::scene::{Scene, View};
-use volraster::technique::FrameTime;
+use volraster::scene::{Scene, SplatRule, View};
+use volraster::technique::{FrameTime, Method};
 use volraster::{Error, Gpu, GpuScene, Image, Renderer, Result, Technique};
 
 use super::row::Row;
@@ -23,6 +23,8 @@ pub(super) const FRAMES: u32 = 5;
 pub(super) struct Entry {
     technique: Technique,
     route: &'static str,
+    /// The rule of trained splats.
+    pub(super) rule: Option<SplatRule>,
     /// Name of its files, without the ending.
     stem: String,
     image: Image,
@@ -50,15 +52,16 @@ pub(super) fn draw(
             entries.push(draw(technique, &entries)?);
             continue;
         }
-        for (method, route) in all_routes().filter(|(method, _)| method.fits(scene)) {
+        for (method, route, rule) in all(scene) {
             let too_slow = input::too_many_splats(method, &scene.data).filter(|_| scene.kernels.is_none());
             let why = if let Some(why) = too_slow {
                 why
             } else {
                 // The technique of the scene file keeps its other options.
                 let given = settings.choice.as_ref().filter(|choice| choice.name == method.name());
+                let rule: Vec<_> = rule.iter().map(|rule| ("rule", rule.name())).collect();
                 let technique =
-                    input::by_route(method, route, given.map_or(&[], |choice| &choice.options), &[]);
+                    input::by_route(method, route, given.map_or(&[], |choice| &choice.options), &rule);
                 match technique.and_then(|technique| draw(technique, &entries)) {
                     Ok(entry) => {
                         entries.push(entry);
@@ -69,8 +72,12 @@ pub(super) fn draw(
                     Err(error) => return Err(error),
                 }
             };
-            output::print(&format!("skipped: {}/{route}: {why}", method.name()))?;
-            refused.push([method.name().to_string(), route.to_string(), why]);
+            let name = rule.map_or_else(
+                || method.name().to_string(),
+                |rule| format!("{}-{}", method.name(), rule.name()),
+            );
+            output::print(&format!("skipped: {name}/{route}: {why}"))?;
+            refused.push([name, route.to_string(), why]);
         }
     }
     match skipped {
@@ -79,11 +86,23 @@ pub(super) fn draw(
     }
 }
 
+/// Returns every technique that suits a scene, by every route, and trained splats by every rule.
+fn all(scene: &Scene) -> impl Iterator<Item = (Method, &'static str, Option<SplatRule>)> {
+    let rules = match scene.splat_rule() {
+        Some(_) => SplatRule::ALL.map(|(_, rule)| Some(rule)).to_vec(),
+        None => vec![None],
+    };
+    let routes = all_routes().filter(|(method, _)| method.fits(scene));
+    routes.flat_map(move |(method, route)| rules.clone().into_iter().map(move |rule| (method, route, rule)))
+}
+
 impl Entry {
     /// Draws with a scene of its own, so that the measured memory is all that the technique needs. The files are named
-    /// after technique and route: `slices-3d-compute`, then `slices-3d-compute-2`; techniques of one route have no such part.
+    /// after technique and route: `slices-3d-compute`, then `slices-3d-compute-2`; techniques of one route have no such part, those of
+    /// trained splats the rule instead.
     fn draw(gpu: &Gpu, scene: &Scene, view: &View, technique: Technique, others: &[Self]) -> Result<Self> {
         let method = technique.method();
+        let rule = technique.splat_rule().or(scene.splat_rule());
         let scene = GpuScene::new(gpu, scene.clone());
         let (mut drawing, device_bytes) = device_bytes(&scene, || {
             let mut drawing = Renderer::new(&scene, technique).frames(view)?;
@@ -94,17 +113,18 @@ impl Entry {
         let last = frames.last().map_or(&[][..], |frame| &frame.counters);
         let counters = drawing.plan().counters().into_iter().chain(last.iter().copied()).collect();
         let (route, image) = (drawing.plan().route(), drawing.read_back()?);
-        let name = if method.routes().len() > 1 {
-            format!("{}-{route}", method.name())
-        } else {
-            method.name().to_string()
+        let name = match rule {
+            Some(rule) => format!("{}-{}", method.name(), rule.name()),
+            None if method.routes().len() > 1 => format!("{}-{route}", method.name()),
+            None => method.name().to_string(),
         };
-        let same = |entry: &&Self| entry.technique.method() == method && entry.route == route;
+        let same =
+            |entry: &&Self| entry.technique.method() == method && entry.route == route && entry.rule == rule;
         let stem = match others.iter().filter(same).count() {
             0 => name,
             n => format!("{name}-{}", n + 1),
         };
-        Ok(Self { technique, route, stem, image, frames, counters, device_bytes })
+        Ok(Self { technique, route, rule, stem, image, frames, counters, device_bytes })
     }
 
     /// Writes the image and its heat map, and returns the row of the report.

@@ -1,25 +1,27 @@
 //! `volraster compare`: draws a scene with several techniques and reports their errors and times.
 //!
-//! Images come first, then the ground truth, then files and the report. `entry` draws one technique, `page` writes
-//! report.html with the sections `error_table` and `pass_bars`.
+//! Images come first, then the ground truth, then files and the report. `entry` draws one technique, `truth` holds what it is compared
+//! with, `page` writes report.html with the sections `error_table` and `pass_bars`.
 
 mod entry;
 mod error_table;
 mod page;
 mod pass_bars;
 mod row;
+mod truth;
 
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
-use volraster::io::{ReadOptions, read_exr, write_exr, write_png};
+use volraster::Result;
+use volraster::io::{ReadOptions, read_exr};
 use volraster::reference::ReferenceImage;
 use volraster::scene::{Data, Scene, View};
-use volraster::{Colours, Result};
 
-use self::entry::{Entry, FRAMES, draw, read};
+use self::entry::{Entry, FRAMES, draw};
 use self::page::Page;
 use self::row::{HEADING, Row};
+use self::truth::{Truth, distances};
 use crate::cli::cache::{Cache, Origin};
 use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, LookArgs, Size, Wanted};
 use crate::cli::outcome::{Outcome, check_validation};
@@ -90,9 +92,9 @@ impl Args {
         let (entries, refused) = draw(&gpu, &scene, &settings, &wanted)?;
         // The destruction of the device may cause validation messages too.
         drop(gpu);
-        let (truth, what) = match given {
-            Some(image) => (image, self.against.display().to_string()),
-            None => self.reference(&scene, &settings.view)?,
+        let truths = match given {
+            Some(image) => vec![Truth { rule: None, image, what: self.against.display().to_string() }],
+            None => self.references(&scene, &settings.view, &entries)?,
         };
         output::make_folder(&self.output)?;
         let projection = if settings.view.is_perspective() { "perspective" } else { "orthographic" };
@@ -100,33 +102,52 @@ impl Args {
             ("Scene", self.scene.display().to_string()),
             ("Data", format!("{}, {}", settings.data.display(), described(&scene.data))),
             ("View", format!("{width} × {height}, {projection}")),
-            ("Ground truth", what.clone()),
+            ("Ground truth", truths[0].what.clone()),
             ("Device", format!("{}, {}, Vulkan {}", device.name, device.driver, device.api)),
             ("Frames", format!("{FRAMES} timed, after one warm-up frame")),
             ("volraster", env!("CARGO_PKG_VERSION").to_string()),
         ];
-        let truth_png = self.write_truth(&truth, scene.colours(), settings.background)?;
-        let rows = self.write_entries(&entries, &truth, settings.background)?;
+        let write = |truth: &Truth| {
+            truth.write(&self.output, !self.wants_reference(), scene.colours(), settings.background)
+        };
+        let pictures = truths.iter().map(write).collect::<Result<Vec<_>>>()?;
+        let distances = distances(&self.output, &truths)?;
+        let rows = self.write_entries(&entries, &truths, settings.background)?;
         let lines: Vec<_> =
             std::iter::once(HEADING.map(str::to_string)).chain(rows.iter().map(Row::line)).collect();
         let title = format!("Comparison: {}", self.scene.file_name().unwrap_or_default().to_string_lossy());
-        let page = Page { title, facts, truth: (truth_png, what), rows, refused };
+        let page = Page { title, facts, truths: pictures, distances, rows, refused };
         volraster::io::write_text(self.output.join("report.html"), &page::html(&page))?;
         if !quiet {
             output::print(&table::aligned(&lines, &[0, 1, 2]))?;
+            if let Some(lines) = page.matrix() {
+                output::print(&format!(
+                    "\ndistances between rules, RMSE:\n{}",
+                    table::aligned(&lines, &[0])
+                ))?;
+            }
         }
         check_validation(&log)
     }
 
-    /// Draws the reference, or reads it from the cache; returns it with its description in the report.
-    fn reference(&self, scene: &Scene, view: &View) -> Result<(ReferenceImage, String)> {
+    /// Draws the reference, or reads it from the cache; of trained splats one for each rule that is drawn. Returns each with its
+    /// description in the report.
+    fn references(&self, scene: &Scene, view: &View, entries: &[Entry]) -> Result<Vec<Truth>> {
         let cache = Cache::of_user(!self.no_cache);
-        let (image, origin) = output::counting_rows(view, |rows| cache.image(scene, view, Some(rows)))?;
-        let what = match origin {
-            Origin::Drawn => "float64 reference",
-            Origin::Cached => "float64 reference (cached)",
-        };
-        Ok((image, what.to_string()))
+        let mut truths: Vec<Truth> = Vec::new();
+        for Entry { rule, .. } in entries {
+            if truths.iter().any(|truth| truth.rule == *rule) {
+                continue;
+            }
+            let scene = rule.map_or_else(|| scene.clone(), |rule| scene.clone().with_rule(rule));
+            let (image, origin) = output::counting_rows(view, |rows| cache.image(&scene, view, Some(rows)))?;
+            let what = match origin {
+                Origin::Drawn => "float64 reference",
+                Origin::Cached => "float64 reference (cached)",
+            };
+            truths.push(Truth { rule: *rule, image, what: what.to_string() });
+        }
+        Ok(truths)
     }
 
     /// Returns whether the ground truth is the float64 reference, not a given file.
@@ -144,25 +165,11 @@ impl Args {
         ReferenceImage::new(image.width(), image.height(), pixels).map(Some)
     }
 
-    /// Writes the ground truth and returns it as PNG.
-    fn write_truth(&self, truth: &ReferenceImage, colours: Colours, background: [f64; 4]) -> Result<Vec<u8>> {
-        let image = truth.to_image()?.with_colours(colours);
-        if self.wants_reference() {
-            write_exr(self.output.join("reference.exr"), &image)?;
-        }
-        let png = self.output.join(if self.wants_reference() { "reference.png" } else { "against.png" });
-        write_png(&png, &image, background)?;
-        read(&png)
-    }
-
     /// Writes the images of all entries and errors.json; returns the rows of the report.
-    fn write_entries(
-        &self,
-        entries: &[Entry],
-        truth: &ReferenceImage,
-        background: [f64; 4],
-    ) -> Result<Vec<Row>> {
-        let rows = entries.iter().map(|entry| entry.row(&self.output, truth, background));
+    fn write_entries(&self, entries: &[Entry], truths: &[Truth], background: [f64; 4]) -> Result<Vec<Row>> {
+        let truth =
+            |entry: &Entry| truths.iter().find(|truth| truth.rule == entry.rule).unwrap_or(&truths[0]);
+        let rows = entries.iter().map(|entry| entry.row(&self.output, &truth(entry).image, background));
         let rows = rows.collect::<Result<Vec<_>>>()?;
         let errors: Value = entries.iter().zip(&rows).map(|(entry, row)| entry.json(row)).collect();
         output::write_json(&self.output.join("errors.json"), &errors)?;

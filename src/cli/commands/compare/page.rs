@@ -9,6 +9,7 @@ use volraster::measure::{HEAT_KNOTS, HEAT_NON_FINITE};
 use super::error_table::{errors_table, refusals};
 use super::pass_bars::passes;
 use super::row::{Row, scientific, time};
+use super::truth::{Distance, Picture};
 use crate::cli::markup::escape_xml;
 
 /// The content of the report.
@@ -17,11 +18,32 @@ pub(crate) struct Page {
     pub(crate) title: String,
     /// Names and values at the head.
     pub(crate) facts: Vec<(&'static str, String)>,
-    /// The ground truth as PNG, and its description.
-    pub(crate) truth: (Vec<u8>, String),
+    /// The ground truth; of trained splats one of each rule.
+    pub(crate) truths: Vec<Picture>,
+    /// Between each two of them.
+    pub(crate) distances: Vec<Distance>,
     pub(crate) rows: Vec<Row>,
     /// Technique, route and reason of each technique that did not draw.
     pub(crate) refused: Vec<[String; 3]>,
+}
+
+impl Page {
+    /// Returns the distances between rules as a table with headings, where there are several.
+    pub(crate) fn matrix(&self) -> Option<Vec<Vec<String>>> {
+        let names: Vec<&str> = self.truths.iter().filter_map(|truth| truth.name).collect();
+        let cell = |row: &str, column: &str| {
+            let between =
+                |distance: &&Distance| distance.rules.contains(&row) && distance.rules.contains(&column);
+            let found = self.distances.iter().find(between).filter(|_| row != column);
+            found.map_or_else(|| "0".to_string(), |distance| scientific(distance.rmse).1)
+        };
+        let line = |row: &str| {
+            std::iter::once(row.to_string()).chain(names.iter().map(|column| cell(row, column))).collect()
+        };
+        let head = std::iter::once("rule").chain(names.iter().copied()).map(str::to_string).collect();
+        (!self.distances.is_empty())
+            .then(|| std::iter::once(head).chain(names.iter().map(|row| line(row))).collect())
+    }
 }
 
 /// Returns the report as HTML.
@@ -43,6 +65,7 @@ pub(crate) fn html(page: &Page) -> String {
     refusals(&mut out, &page.refused);
     passes(&mut out, &page.rows);
     pictures(&mut out, page);
+    differences(&mut out, page);
     let _ = write!(out, "</main>\n<script>{SCRIPT}</script>\n</body>\n</html>\n");
     out
 }
@@ -53,16 +76,15 @@ fn pictures(out: &mut String, page: &Page) {
     legend(out);
     let small = page.rows.first().is_some_and(|row| row.errors.width < 256);
     let _ = writeln!(out, "<div class=\"cards{}\">", if small { " small" } else { "" });
-    let image = |bytes: &[u8], about: &str| {
-        format!("<img src=\"data:image/png;base64,{}\" alt=\"{}\">", BASE64.encode(bytes), escape_xml(about))
-    };
-    let (truth, what) = &page.truth;
-    let _ = writeln!(
-        out,
-        "<article>\n<h3>Ground truth</h3>\n<div class=\"pair\"><figure>{}<figcaption>{}</figcaption></figure></div>\n</article>",
-        image(truth, "The ground truth"),
-        escape_xml(what)
-    );
+    for Picture { name, png, what } in &page.truths {
+        let rule = name.map_or_else(String::new, |name| format!(" <span>{name}</span>"));
+        let _ = writeln!(
+            out,
+            "<article>\n<h3>Ground truth{rule}</h3>\n<div class=\"pair\"><figure>{}<figcaption>{}</figcaption></figure></div>\n</article>",
+            image(png, "The ground truth"),
+            escape_xml(what)
+        );
+    }
     for row in &page.rows {
         let [picture, heat] = &row.pictures;
         let name = format!("{} by {}", row.technique, row.route);
@@ -89,6 +111,34 @@ fn pictures(out: &mut String, page: &Page) {
             out.push_str("</table></details>\n");
         }
         out.push_str("</article>\n");
+    }
+    out.push_str("</div>\n</section>\n");
+}
+
+/// Returns the element of a PNG.
+fn image(bytes: &[u8], about: &str) -> String {
+    format!("<img src=\"data:image/png;base64,{}\" alt=\"{}\">", BASE64.encode(bytes), escape_xml(about))
+}
+
+/// Writes how far the rules of trained splats are apart, in numbers and pictures.
+fn differences(out: &mut String, page: &Page) {
+    let Some(matrix) = page.matrix() else { return };
+    out.push_str(
+        "<section>\n<h2>Distances between rules</h2>\n<p class=\"note\">RMSE between ground truths.</p>\n<div class=\"scroll\">\n<table>\n<tbody>\n",
+    );
+    for line in &matrix {
+        let cells = line.iter().map(|text| format!("<td>{}</td>", escape_xml(text)));
+        let _ = writeln!(out, "<tr>{}</tr>", cells.collect::<String>());
+    }
+    out.push_str("</tbody>\n</table>\n</div>\n<div class=\"cards small\">\n");
+    for Distance { rules: [one, other], rmse, heat } in &page.distances {
+        let about = format!("{one} – {other}");
+        let _ = writeln!(
+            out,
+            "<article>\n<h3>{about}</h3>\n<figure>{}<figcaption>RMSE {}</figcaption></figure>\n</article>",
+            image(heat, &about),
+            scientific(*rmse).1
+        );
     }
     out.push_str("</div>\n</section>\n");
 }
@@ -151,7 +201,8 @@ mod tests {
         Page {
             title: "<script>alert(1)</script>".to_string(),
             facts: vec![("Data", "a & b".to_string())],
-            truth: (b"truth".to_vec(), "float64".to_string()),
+            truths: vec![Picture { name: None, png: b"truth".to_vec(), what: "float64".to_string() }],
+            distances: Vec::new(),
             rows: vec![row("slabs", 0.25, 4.0), row("slabs-2", 0.5, 2.0)],
             refused: vec![["havs".to_string(), "interlock".to_string(), "has no <it>".to_string()]],
         }
@@ -188,6 +239,21 @@ mod tests {
         let best: Vec<&str> =
             html.split("class=\"best\">").skip(1).map(|rest| rest.split('<').next().unwrap()).collect();
         assert_eq!(best, ["2.50e-1", "2.50e-1", "2.50e-1", "2.50e-1", "3.00", "2.00", "3.00"]);
+    }
+
+    #[test]
+    fn rules_have_a_matrix_of_distances_and_pictures() {
+        let picture =
+            |name| Picture { name: Some(name), png: b"truth".to_vec(), what: "float64".to_string() };
+        let distance = Distance { rules: ["khr", "ray"], rmse: 0.0125, heat: b"heat".to_vec() };
+        let page = Page { truths: vec![picture("khr"), picture("ray")], distances: vec![distance], ..page() };
+        let lines = page.matrix().unwrap();
+        assert_eq!(lines, [["rule", "khr", "ray"], ["khr", "0", "1.25e-2"], ["ray", "1.25e-2", "0"]]);
+        let html = html(&page);
+        for part in ["<td>1.25e-2</td>", "khr – ray", "aGVhdA==", "Ground truth <span>ray</span>"] {
+            assert!(html.contains(part), "{part}");
+        }
+        assert!(self::page().matrix().is_none());
     }
 
     #[test]
