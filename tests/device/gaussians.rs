@@ -6,6 +6,7 @@
 use crate::common::*;
 use glam::DVec3;
 use volraster::Image;
+use volraster::gpu::GpuOptions;
 use volraster::measure::ImageErrors;
 use volraster::reference::{self, ReferenceOptions};
 use volraster::scene::{
@@ -102,6 +103,35 @@ fn errors_of_overlapping_splats_fall_with_the_step() {
             .map(|options| compared(&gpu, &scene, &views()[0], options).0[0]);
         println!("{}: {coarse:.1e}, {usual:.1e}, {fine:.1e}", rule.name());
         assert!(usual < coarse / 8.0 && fine < usual / 5.0, "{}: {coarse:e} {usual:e} {fine:e}", rule.name());
+    }
+}
+
+/// What takes several dispatches of few loop iterations is what one draws.
+#[test]
+fn images_do_not_depend_on_the_loop_limit() {
+    let gpu = gpu();
+    let limited = gpu_with(GpuOptions { loop_limit: Some(4500), ..GpuOptions::default() });
+    let view = View::new(*views()[0].camera(), 8, 8).unwrap();
+    for rule in DRAWN {
+        // The repair of a pixel goes through its whole bin in one dispatch.
+        let options = if rule == SplatRule::Ray {
+            ["order=depth", "order=depth,spread=pixels"]
+        } else {
+            ["", "spread=pixels"]
+        };
+        let scene = scene(cloud(6000, 0), rule);
+        for options in options.map(|options| format!("gaussians:{options}")) {
+            let whole = draw(&gpu, &scene, &view, &options);
+            let on_limited = GpuScene::new(&limited, scene.clone());
+            let mut frames = Renderer::new(&on_limited, technique(&options)).frames(&view).unwrap();
+            frames.draw(&view).unwrap();
+            let counters = frames.plan().counters();
+            let rounds = counters.iter().find(|(name, _)| *name == "rounds").unwrap().1;
+            let error = ImageErrors::between(&frames.read_back().unwrap(), &whole).unwrap().all.max_abs;
+            println!("{} {options}: {rounds} rounds, {error:.1e}", rule.name());
+            assert!(error < 1e-6, "{} {options}: {error:e}", rule.name());
+            assert!(rounds > 1, "{} {options}", rule.name());
+        }
     }
 }
 

@@ -38,4 +38,5 @@ mod stacks;
 mod steps;
 mod threads;
 mod tolerance;
+mod trained_scenes;
 mod validation;

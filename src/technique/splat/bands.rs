@@ -41,6 +41,15 @@ impl Rounds {
     }
 }
 
+/// A step of drawing a band's bins.
+#[derive(Debug)]
+pub(super) enum Step {
+    /// A pass over them.
+    Bins(Arc<Rounds>),
+    /// A pass over the pixels' own state, in one dispatch.
+    Pixels(Dispatch),
+}
+
 /// Returns the bands of at most `widest` tiles whose bins fit a buffer, and the capacity that the fullest needs.
 pub(super) fn bands_of(
     gpu: &Gpu,
@@ -84,8 +93,8 @@ pub(super) struct BandedDraw {
     pub(super) bands: Vec<Band>,
     /// Tiles in a row.
     pub(super) across: u32,
-    /// Passes over the bins, one after the other.
-    pub(super) draws: Vec<Arc<Rounds>>,
+    /// What is done, one after the other.
+    pub(super) steps: Vec<Step>,
     /// Draws again the pixels that are listed.
     pub(super) repair: Option<Repair>,
     /// Dispatches for each band.
@@ -131,8 +140,11 @@ impl BandedDraw {
             let push = SplatPush { band: band.first, tiles: band.tiles, ..push };
             let tiles = Groups::Fixed(groups_of(band.tiles, 1));
             let draw = |recorder: &mut Recorder<'_>| {
-                for pass in &self.draws {
-                    pass.record(recorder, push, self.rounds, &tiles);
+                for step in &self.steps {
+                    match step {
+                        Step::Bins(rounds) => rounds.record(recorder, push, self.rounds, &tiles),
+                        Step::Pixels(pass) => pass.record(recorder, &push, tiles.clone()),
+                    }
                 }
             };
             if let Some((repair, count)) = self.repair.as_ref().zip(outcome.repaired.get(i)) {

@@ -32,7 +32,7 @@ use crate::primitives::radix_sort::RadixSort;
 use crate::resident::GpuScene;
 use crate::resident::splats::{Shape, SplatSet};
 use crate::scene::{Kernel, Model, View};
-use crate::technique::splat::bands::{BandedDraw, Repair, Rounds, bands_of};
+use crate::technique::splat::bands::{BandedDraw, Repair, Rounds, Step, bands_of};
 use crate::technique::splat::desc::{Accumulation, SplatDesc};
 use crate::technique::splat::outcome::SplatOutcome;
 use crate::technique::splat::view::SplatView;
@@ -270,7 +270,7 @@ impl SplatFrame {
         let rounds = desc.rounds(fill.longest()).max(known.rounds);
         let (draw, repair) = inputs.passes(gpu, &desc, rounds)?;
 
-        let banded = BandedDraw { bins, bands, across, draws: vec![draw.into()], repair, rounds };
+        let banded = BandedDraw { bins, bands, across, steps: vec![Step::Bins(draw.into())], repair, rounds };
         let outcome = banded.outcome(scene, name, set.count)?;
         Ok(Self { desc, set, view: seen, project, sort, banded, image, status, outcome })
     }

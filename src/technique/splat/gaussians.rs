@@ -34,14 +34,14 @@ use crate::gpu::{Buffer, Gpu, Image, Recorder, TargetImage};
 use crate::interface::{SplatPush, TrainedPush};
 use crate::num::{self, f32_of};
 use crate::primitives::bins::{Bins, Fill, Ranked};
-use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass};
+use crate::primitives::dispatch::{self, Dispatch, buffer, groups_of};
 use crate::primitives::radix_sort::RadixSort;
 use crate::resident::GpuScene;
 use crate::resident::splats::trained::TrainedSet;
 use crate::scene::{SplatRule, View};
 use crate::technique::declare::draw::{Draw, Facts, TechniqueOptions};
 use crate::technique::declare::{Value, option_set, refused, words};
-use crate::technique::splat::bands::{BandedDraw, Repair, Rounds, bands_of};
+use crate::technique::splat::bands::{BandedDraw, Repair, Rounds, Step, bands_of};
 use crate::technique::splat::options::TileOptions;
 use crate::technique::splat::outcome::SplatOutcome;
 
@@ -241,7 +241,7 @@ impl TrainedFrame {
             splat_order: desc.key_code(),
             splat_rule: desc.rule,
         });
-        let project = pass(gpu, &format!("{name}.project"), &project)?;
+        let project = dispatch::pass(gpu, &format!("{name}.project"), &project)?;
 
         // 2. Their order, and bands whose bins fit a buffer.
         let sort = RadixSort::new(gpu, &format!("{name}.sort"), [&keys, &order], set.count)?;
@@ -276,12 +276,12 @@ impl TrainedFrame {
             columns: desc.tiles.columns(name, gpu)?,
         };
         let rounds = fill.longest().div_ceil(turns).max(1).max(known.rounds);
-        let draws = match desc.slabs {
+        let steps = match desc.slabs {
             Some(slabs) => inputs.overlap(gpu, rounds, slabs, in_band)?,
-            None => vec![inputs.blend(gpu, rounds)?.into()],
+            None => vec![Step::Bins(inputs.blend(gpu, rounds)?.into())],
         };
         let repair = desc.by_pixel().then(|| inputs.repair(gpu)).transpose()?;
-        let banded = BandedDraw { bins, bands, across, draws, repair, rounds };
+        let banded = BandedDraw { bins, bands, across, steps, repair, rounds };
         let outcome = banded.outcome(scene, name, set.count)?;
         Ok(Self { set, project, sort, banded, pushes, image, status, outcome })
     }
@@ -345,7 +345,7 @@ impl Inputs<'_> {
     }
 
     /// Makes the passes of rules that overlap.
-    fn overlap(&self, gpu: &Gpu, rounds: u32, slabs: u32, in_band: u64) -> Result<Vec<Arc<Rounds>>> {
+    fn overlap(&self, gpu: &Gpu, rounds: u32, slabs: u32, in_band: u64) -> Result<Vec<Step>> {
         let (name, turns) = (Options::NAME, gpu.turns()?);
         // A column's lines place depths at different splats; a line sorts its own.
         if turns < 2 * slabs.max(64) * slabs {
@@ -368,23 +368,24 @@ impl Inputs<'_> {
                 })
             };
         let by_line = |entry: &Entry<GaussiansOverlapSort>, step: &str| {
-            Rounds::new(gpu, &format!("{name}.{step}"), 1, |_| {
-                entry.with(&GaussiansOverlapSort { splat_slabs: words.write(), slab_count: slabs })
-            })
+            let inputs = GaussiansOverlapSort { splat_slabs: words.write(), slab_count: slabs };
+            dispatch::pass(gpu, &format!("{name}.{step}"), &entry.with(&inputs))
         };
-        let place = pass(&GAUSSIANS_OVERLAP_PLACE, &GAUSSIANS_OVERLAP_PLACE_WIDE, "place")?;
-        let order = by_line(&GAUSSIANS_OVERLAP_SORT, "slabs")?;
+        let weigh = GAUSSIANS_OVERLAP_WEIGH.with(&GaussiansOverlapWeigh {
+            splat_slabs: words.write(),
+            slab_count: slabs,
+            band: self.band(false),
+        });
         let share = Arc::new(pass(&GAUSSIANS_OVERLAP_SHARE, &GAUSSIANS_OVERLAP_SHARE_WIDE, "share")?);
-        let adjust = by_line(&GAUSSIANS_OVERLAP_ADJUST, "adjust")?;
-        let weigh = Rounds::new(gpu, &format!("{name}.weigh"), 1, |_| {
-            GAUSSIANS_OVERLAP_WEIGH.with(&GaussiansOverlapWeigh {
-                splat_slabs: words.write(),
-                slab_count: slabs,
-                band: self.band(false),
-            })
-        })?;
-        let blend = pass(&GAUSSIANS_OVERLAP_BLEND, &GAUSSIANS_OVERLAP_BLEND_WIDE, "blend")?;
-        Ok(vec![place.into(), order.into(), share.clone(), adjust.into(), share, weigh.into(), blend.into()])
+        Ok(vec![
+            Step::Bins(pass(&GAUSSIANS_OVERLAP_PLACE, &GAUSSIANS_OVERLAP_PLACE_WIDE, "place")?.into()),
+            Step::Pixels(by_line(&GAUSSIANS_OVERLAP_SORT, "slabs")?),
+            Step::Bins(Arc::clone(&share)),
+            Step::Pixels(by_line(&GAUSSIANS_OVERLAP_ADJUST, "adjust")?),
+            Step::Bins(share),
+            Step::Pixels(dispatch::pass(gpu, &format!("{name}.weigh"), &weigh)?),
+            Step::Bins(pass(&GAUSSIANS_OVERLAP_BLEND, &GAUSSIANS_OVERLAP_BLEND_WIDE, "blend")?.into()),
+        ])
     }
 }
 
