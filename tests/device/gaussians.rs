@@ -13,7 +13,7 @@ use volraster::scene::{
     Camera, Clip, GaussianParts, Gaussians, Projection, Scene, SplatRule, Surface, TransferFunction, View,
 };
 use volraster::technique::Renderer;
-use volraster::{Gpu, GpuScene};
+use volraster::{Gpu, GpuScene, TargetDesc};
 
 const DRAWN: [SplatRule; 6] = [
     SplatRule::Khr,
@@ -132,6 +132,21 @@ fn images_do_not_depend_on_the_loop_limit() {
             assert!(error < 1e-6, "{} {options}: {error:e}", rule.name());
             assert!(rounds > 1, "{} {options}", rule.name());
         }
+    }
+}
+
+/// A splat has at most a fifth more bytes than its numbers as half floats, with a place in single precision.
+#[test]
+fn splats_have_few_bytes() {
+    let gpu = gpu();
+    for degree in 0..=4_u64 {
+        let scene = GpuScene::new(&gpu, scene(cloud(50, degree as u32), SplatRule::Khr));
+        let plan =
+            Renderer::new(&scene, technique("gaussians")).prepare(&views()[0], &TargetDesc::own()).unwrap();
+        let found = plan.counters().into_iter().find(|(name, _)| *name == "splat_bytes").unwrap().1;
+        let halves = 12 + 2 * (4 + 3 + 1 + 3 * (degree + 1).pow(2));
+        println!("degree {degree}: {found} of {halves}");
+        assert!(5 * found <= 6 * halves, "degree {degree}: {found} bytes");
     }
 }
 

@@ -100,18 +100,19 @@ pub(crate) fn options_json(technique: &Technique) -> Value {
     Value::Object(pairs.map(|(key, text)| (key.to_string(), typed(text))).collect::<Map<_, _>>())
 }
 
-/// Returns the options that differ from their defaults, as `key=value,...`, without `route`, which tables show in a
-/// column of its own.
-pub(crate) fn options_text(technique: &Technique) -> String {
+/// Returns the options that differ from their defaults.
+pub(crate) fn changed(technique: &Technique) -> Vec<(&'static str, String)> {
     let infos = technique.method().options();
     let is_default =
         |key: &str, value: &str| infos.iter().any(|info| info.key == key && info.default == value);
-    let pairs = technique.option_pairs().into_iter();
-    let shown: Vec<String> = pairs
-        .filter(|(key, value)| *key != "route" && !is_default(key, value))
-        .map(|(key, value)| format!("{key}={value}"))
-        .collect();
-    shown.join(",")
+    technique.option_pairs().into_iter().filter(|(key, value)| !is_default(key, value)).collect()
+}
+
+/// Returns the options that differ from their defaults, as `key=value,...`, without `route`, which tables show in a
+/// column of its own.
+pub(crate) fn options_text(technique: &Technique) -> String {
+    let shown = changed(technique).into_iter().filter(|(key, _)| *key != "route");
+    shown.map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>().join(",")
 }
 
 /// Maximum number of samples that `all` and the suites draw by splatting if the scene has no kernels. Other

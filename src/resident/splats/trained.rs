@@ -51,11 +51,20 @@ fn codes() -> f64 {
     greatest(LENGTH_BITS) - 1.0
 }
 
+/// Returns the words of the coefficients of a splat's colours but the first: half floats.
+fn harmonics_words(degree: u32) -> usize {
+    (3 * (harmonics::count(degree) - 1)).div_ceil(2)
+}
+
 impl TrainedSet {
+    /// Returns the bytes that a splat has on the device.
+    pub(crate) fn bytes_each(&self) -> u64 {
+        4 * (u64::from(TRAINED_WORDS) + num::wide(harmonics_words(self.degree)))
+    }
+
     /// Packs and uploads splats.
     pub(crate) fn new(gpu: &Gpu, splats: &Gaussians) -> Result<Self> {
-        let (count, rest) = (splats.len(), harmonics::count(splats.degree()) - 1);
-        let stride = (3 * rest).div_ceil(2);
+        let (count, stride) = (splats.len(), harmonics_words(splats.degree()));
         let bytes = 4 * num::wide(count) * num::wide(stride).max(TRAINED_WORDS.into());
         if bytes > gpu.most_buffer_bytes() || count >= 1 << 27 {
             let most = gpu.most_buffer_bytes() / (bytes / num::wide(count));
@@ -68,7 +77,7 @@ impl TrainedSet {
         let words: Vec<[u32; TRAINED_WORDS as usize]> =
             (0..count).map(|i| packed(splats, i, &scales)).collect();
         let mut beyond = Vec::with_capacity(count * stride + 1);
-        for own in splats.harmonics().chunks_exact(3 * (rest + 1)) {
+        for own in splats.harmonics().chunks_exact(3 * harmonics::count(splats.degree())) {
             beyond
                 .extend(own[3..].chunks(2).map(|pair| halves(pair[0], pair.get(1).copied().unwrap_or(0.0))));
         }

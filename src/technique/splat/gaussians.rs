@@ -455,7 +455,9 @@ impl Prepared for TrainedFrame {
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
-        self.banded.counters()
+        let mut counters = self.banded.counters();
+        counters.push(("splat_bytes", self.set.bytes_each()));
+        counters
     }
 
     fn outcome(&self) -> Option<Arc<dyn Outcome>> {

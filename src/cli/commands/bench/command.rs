@@ -34,7 +34,7 @@ const FRAMES: usize = 9;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// The suite `smoke` (a little of everything, in less than a minute), `standard` (the scenes of the published
-    /// figures), `peers` (the fastest settings, on scenes that other renderers were timed on) or `full` (more scenes, views
+    /// figures), `gaussians` (trained splats by every rule), `peers` (the fastest settings, on scenes that other renderers were timed on) or `full` (more scenes, views
     /// and frames); or a scene file, a data file, or a folder of scene files.
     #[arg(value_name = "SUITE", default_value = "standard")]
     suite: PathBuf,

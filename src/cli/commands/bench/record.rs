@@ -24,7 +24,7 @@ pub(super) struct Record {
     pub(super) family: Option<String>,
     pub(super) projection: String,
     pub(super) size: [u32; 2],
-    /// `grid`, `mesh` or `points`; `elements` is the number of voxels, tetrahedra or points.
+    /// `grid`, `mesh`, `points` or `gaussians`; `elements` is the number of voxels, tetrahedra, points or splats.
     pub(super) data: String,
     pub(super) elements: u64,
     pub(super) sweep: String,
@@ -160,6 +160,7 @@ impl Record {
         match self.data.as_str() {
             "mesh" => "tetrahedra",
             "points" => "points",
+            "gaussians" => "splats",
             _ => "voxels",
         }
     }

@@ -4,15 +4,15 @@ use volraster::Result;
 use volraster::glam::DVec3;
 use volraster::io::scene_file::{PRESETS, Preset};
 use volraster::scene::{
-    Camera, Clip, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, Shading, Surface,
-    TransferFunction, View,
+    Camera, Clip, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, Shading, SplatRule,
+    Surface, TransferFunction, View,
 };
 
 use super::sweeps::{DATA, PEERS, SMOKE, STANDARD, Sweep};
 use crate::cli::input::Size;
 
 use Cut::{Clipped, Opaque, Translucent, Whole};
-use Shape::{Cubes, Gaussians, Points, Samples};
+use Shape::{Cubes, Gaussians, Points, Samples, Trained};
 
 /// Image size of the standard scenes and of data files found in a folder.
 pub(super) const SIZE: Size = Size { width: 512, height: 512 };
@@ -47,6 +47,8 @@ pub(super) enum Shape {
     Cubes(u32),
     /// Points at random positions: their number and their radius.
     Points(u32, f64),
+    /// Trained splats at random positions: their number, and the rule by which they are drawn.
+    Trained(u32, SplatRule),
 }
 
 /// Clipping and surfaces of a scene.
@@ -180,7 +182,26 @@ pub(super) const SMOKE_SCENES: &[StandardScene] = &[
     StandardScene { name: "blobs-tets-12", family: "blobs-tets", field: "blobs", shape: Cubes(12), look: FOG, cut: Whole, views: 1, sides: &[96] },
     StandardScene { name: "blobs-gaussians-32", family: "blobs-gaussians", field: "blobs", shape: Gaussians(32), look: FOG, cut: Whole, views: 1, sides: &[] },
     StandardScene { name: "blobs-points-10k", family: "blobs-points", field: "blobs", shape: Points(10_000, RADIUS_SMALL), look: FOG, cut: Whole, views: 1, sides: &[96] },
+    StandardScene { name: "trained-10k-khr", family: "trained-khr", field: "blobs", shape: Trained(10_000, SplatRule::Khr), look: FOG, cut: Whole, views: 1, sides: &[96] },
 ];
+
+/// The scenes of the suite `gaussians`: trained splats by every rule, and more of them by two.
+#[rustfmt::skip]
+const TRAINED_SCENES: &[StandardScene] = &[
+    trained("trained-100k-khr", "trained-khr", Trained(100_000, SplatRule::Khr), 2),
+    trained("trained-100k-inria", "trained-inria", Trained(100_000, SplatRule::Inria), 1),
+    trained("trained-100k-antialiased", "trained-antialiased", Trained(100_000, SplatRule::Antialiased), 1),
+    trained("trained-100k-ray", "trained-ray", Trained(100_000, SplatRule::Ray), 2),
+    trained("trained-100k-overlap", "trained-overlap", Trained(100_000, SplatRule::Overlap), 1),
+    trained("trained-100k-integral", "trained-integral", Trained(100_000, SplatRule::Integral), 1),
+    trained("trained-1m-khr", "trained-khr", Trained(1_000_000, SplatRule::Khr), 1),
+    trained("trained-1m-ray", "trained-ray", Trained(1_000_000, SplatRule::Ray), 1),
+];
+
+const fn trained(name: &'static str, family: &'static str, shape: Shape, views: usize) -> StandardScene {
+    let sides = if views > 1 { SIDES } else { &[] };
+    StandardScene { name, family, field: "blobs", shape, look: FOG, cut: Whole, views, sides }
+}
 
 /// The scenes of the suite `peers`, on which other renderers were timed.
 #[rustfmt::skip]
@@ -212,6 +233,14 @@ pub(super) struct Suite {
 pub(super) const SUITES: &[Suite] = &[
     Suite { name: "smoke", scenes: &[SMOKE_SCENES], sweeps: SMOKE, data: DATA, size: SMALL, frames: 5 },
     Suite { name: "standard", scenes: &[SCENES], sweeps: STANDARD, data: DATA, size: SIZE, frames: 9 },
+    Suite {
+        name: "gaussians",
+        scenes: &[TRAINED_SCENES],
+        sweeps: STANDARD,
+        data: DATA,
+        size: SIZE,
+        frames: 9,
+    },
     Suite { name: "peers", scenes: &[PEER_SCENES], sweeps: PEERS, data: PEERS, size: SIZE, frames: 9 },
     Suite {
         name: "full",
@@ -249,6 +278,7 @@ impl StandardScene {
             Points(count, radius) => {
                 field.points(count)?.with_size(KernelSize::Radius(radius)).map(Data::from)
             }
+            Trained(count, _) => field.splats(count).map(Data::from),
         }
     }
 
@@ -267,7 +297,11 @@ impl StandardScene {
             }
         };
         let scene = Scene::new(data, transfer).with_surfaces(self.cut.surfaces()?);
-        if matches!(self.shape, Gaussians(_)) { scene.with_kernels(GAUSSIANS) } else { Ok(scene) }
+        match self.shape {
+            Gaussians(_) => scene.with_kernels(GAUSSIANS),
+            Trained(_, rule) => Ok(scene.with_rule(rule)),
+            _ => Ok(scene),
+        }
     }
 
     /// Returns the scalars that the transfer function's \[0, 1\] stands for.
@@ -331,13 +365,14 @@ mod tests {
             names.dedup();
             assert_eq!(names.len(), count, "{}", suite.name);
         }
-        for scene in [SCENES, MORE_SCENES, SMOKE_SCENES].concat() {
+        for scene in [SCENES, MORE_SCENES, SMOKE_SCENES, TRAINED_SCENES].concat() {
             assert_eq!(scene.views(SIZE).unwrap().len(), scene.views);
             let small = match scene.shape {
                 Samples(_, kind) => Samples(4, kind),
                 Gaussians(_) => Gaussians(4),
                 Cubes(_) => Cubes(2),
                 Points(_, radius) => Points(20, radius),
+                Trained(_, rule) => Trained(20, rule),
             };
             let loaded = StandardScene { shape: small, ..scene }.load().unwrap();
             match (scene.shape, &loaded.data) {
@@ -348,6 +383,9 @@ mod tests {
                     assert_eq!(points.size(), &KernelSize::Radius(radius));
                     assert_eq!(points.centres().len(), 20);
                 }
+                (Trained(_, rule), Data::Gaussians(splats)) => {
+                    assert_eq!((splats.len(), loaded.splat_rule()), (20, Some(rule)));
+                }
                 _ => panic!("{}: another kind of data", scene.name),
             }
             assert!(input::drawn(&loaded).is_ok(), "{}", scene.name);
@@ -355,7 +393,8 @@ mod tests {
             for sweeps in [STANDARD, SMOKE, SIZES, DATA] {
                 let settings = settings(sweeps).unwrap();
                 let own: Vec<&Setting> = settings.iter().filter(|setting| setting.is_for(&loaded)).collect();
-                assert!(own.len() >= 2, "{}", scene.name);
+                let least = if matches!(scene.shape, Trained(..)) { 1 } else { 2 };
+                assert!(own.len() >= least, "{}", scene.name);
                 let splats =
                     own.iter().filter(|setting| SPLATS.contains(&setting.technique.method())).count();
                 let has_kernels = matches!(scene.shape, Gaussians(_) | Points(..));

@@ -1,14 +1,15 @@
 //! Sweeps: techniques whose options run through all combinations of some values. A further option is a further row of
 //! a list.
 
-use volraster::scene::{Data, Model, Scene};
+use volraster::scene::{Data, Model, Scene, SplatRule};
 use volraster::technique::Method;
 use volraster::{Result, Technique};
 
 use crate::cli::input;
 
 use Method::{
-    Abuffer, Havs, ProjectedTets, Raycast, ShearWarp, Slabs, Slices2d, Slices3d, SplatEwa, SplatSheets,
+    Abuffer, Gaussians, Havs, ProjectedTets, Raycast, ShearWarp, Slabs, Slices2d, Slices3d, SplatEwa,
+    SplatSheets,
 };
 
 /// Techniques whose options run through all combinations of some values.
@@ -24,7 +25,9 @@ pub(super) struct Sweep {
     pub(super) options: &'static [(&'static str, &'static [&'static str])],
 }
 
-const ALL: &[Method] = &Method::ALL;
+/// All that draws a field.
+const FIELDS: &[Method] =
+    &[Slices2d, Slices3d, Slabs, ShearWarp, Raycast, ProjectedTets, Havs, Abuffer, SplatSheets, SplatEwa];
 
 const GRIDS: &[Method] = &[Slices2d, Slices3d, Slabs, ShearWarp, Raycast];
 
@@ -71,6 +74,8 @@ const EACH: &[&str] = &["1", "2", "4"];
 
 pub(super) const SPLATS: &[Method] = &[SplatSheets, SplatEwa];
 
+const TRAINED: &[Method] = &[Gaussians];
+
 /// The complete sweep: the settings of the fronts, then each further option alone at step 1.
 #[rustfmt::skip]
 pub(super) const STANDARD: &[Sweep] = &[
@@ -93,9 +98,9 @@ pub(super) const STANDARD: &[Sweep] = &[
     Sweep { name: "filter", methods: GRIDS, routes: BOTH, options: &[("step", ONE), ("filter", &["hardware", "exact"])] },
     Sweep { name: "target", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE), ("target", &["rgba8", "rgba16", "rgba16f"]), ("order", &["front-to-back"])] },
     Sweep { name: "dither", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE), ("target", &["rgba8"]), ("dither", &["none", "alpha", "blue"])] },
-    Sweep { name: "empty-space", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("empty-space", &["skip", "march"])] },
-    Sweep { name: "prefilter", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("prefilter", &["none", "mip"])] },
-    Sweep { name: "stop", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("stop", &["0", "1e-2"])] },
+    Sweep { name: "empty-space", methods: FIELDS, routes: COMPUTE, options: &[("step", ONE), ("empty-space", &["skip", "march"])] },
+    Sweep { name: "prefilter", methods: FIELDS, routes: COMPUTE, options: &[("step", ONE), ("prefilter", &["none", "mip"])] },
+    Sweep { name: "stop", methods: FIELDS, routes: COMPUTE, options: &[("step", ONE), ("stop", &["0", "1e-2"])] },
     Sweep { name: "integrator", methods: MESHES, routes: COMPUTE, options: &[("integrator", INTEGRALS)] },
     Sweep { name: "integrator", methods: &[Havs, ProjectedTets], routes: RASTERS, options: &[("integrator", INTEGRALS)] },
     Sweep { name: "rank", methods: &[ProjectedTets], routes: COMPUTE, options: &[("rank", &["centroid", "power"])] },
@@ -112,6 +117,11 @@ pub(super) const STANDARD: &[Sweep] = &[
     Sweep { name: "step", methods: &[SplatEwa], routes: COMPUTE, options: &[("order", &["slabs"]), ("step", SLABS)] },
     Sweep { name: "step", methods: &[SplatSheets], routes: COMPUTE, options: &[("sheets", &["image"]), ("step", SLABS)] },
     Sweep { name: "sheets", methods: &[SplatSheets], routes: COMPUTE, options: &[("sheets", &["axis"]), ("step", COARSE)] },
+    Sweep { name: "rule", methods: TRAINED, routes: COMPUTE, options: &[] },
+    Sweep { name: "order", methods: TRAINED, routes: COMPUTE, options: &[("order", &["depth", "distance", "pixel"])] },
+    Sweep { name: "step", methods: TRAINED, routes: COMPUTE, options: &[("step", &["0.16", "0.08", "0.04", "0.02"])] },
+    Sweep { name: "stop", methods: TRAINED, routes: COMPUTE, options: &[("stop", &["0", "1e-2"])] },
+    Sweep { name: "resolution", methods: TRAINED, routes: COMPUTE, options: &[("resolution", &["half"])] },
 ];
 
 /// The sweep of `smoke`: every technique by every route, each feature off and on.
@@ -132,9 +142,9 @@ pub(super) const SMOKE: &[Sweep] = &[
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["exact"]), ("step", ONE)] },
     Sweep { name: "filter", methods: GRIDS, routes: COMPUTE, options: &[("step", ONE), ("filter", &["hardware", "exact"])] },
     Sweep { name: "dither", methods: &[Slices3d], routes: RASTER, options: &[("step", ONE), ("target", &["rgba8"]), ("dither", &["none", "blue"])] },
-    Sweep { name: "empty-space", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("empty-space", &["skip", "march"])] },
-    Sweep { name: "prefilter", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("prefilter", &["none", "mip"])] },
-    Sweep { name: "stop", methods: ALL, routes: COMPUTE, options: &[("step", ONE), ("stop", &["0", "1e-2"])] },
+    Sweep { name: "empty-space", methods: FIELDS, routes: COMPUTE, options: &[("step", ONE), ("empty-space", &["skip", "march"])] },
+    Sweep { name: "prefilter", methods: FIELDS, routes: COMPUTE, options: &[("step", ONE), ("prefilter", &["none", "mip"])] },
+    Sweep { name: "stop", methods: FIELDS, routes: COMPUTE, options: &[("step", ONE), ("stop", &["0", "1e-2"])] },
     Sweep { name: "integrator", methods: MESHES, routes: COMPUTE, options: &[("integrator", INTEGRALS)] },
     Sweep { name: "integrator", methods: &[Havs, ProjectedTets], routes: RASTERS, options: &[("integrator", &["exact"])] },
     Sweep { name: "rank", methods: &[ProjectedTets], routes: COMPUTE, options: &[("rank", &["centroid", "power"])] },
@@ -147,6 +157,8 @@ pub(super) const SMOKE: &[Sweep] = &[
     Sweep { name: "step", methods: &[SplatEwa], routes: COMPUTE, options: &[("order", &["slabs"]), ("step", COARSE)] },
     Sweep { name: "step", methods: &[SplatSheets], routes: COMPUTE, options: &[("sheets", &["image"]), ("step", COARSE)] },
     Sweep { name: "sheets", methods: &[SplatSheets], routes: COMPUTE, options: &[("sheets", &["axis"])] },
+    Sweep { name: "rule", methods: TRAINED, routes: COMPUTE, options: &[] },
+    Sweep { name: "order", methods: TRAINED, routes: COMPUTE, options: &[("order", &["depth", "distance"])] },
 ];
 
 /// The sweep of `peers`: the settings that are fastest at the errors of other renderers.
@@ -167,6 +179,7 @@ pub(super) const SIZES: &[Sweep] = &[
     Sweep { name: "size", methods: &[Slices3d, Slabs, Raycast], routes: BOTH, options: &[("step", ONE)] },
     Sweep { name: "size", methods: MESHES, routes: &["compute", "raster", "interlock", "implementation-ordered"], options: &[] },
     Sweep { name: "size", methods: SPLATS, routes: COMPUTE, options: &[] },
+    Sweep { name: "size", methods: TRAINED, routes: COMPUTE, options: &[] },
 ];
 
 /// Few settings for data found in a folder, which may be many files.
@@ -181,6 +194,8 @@ pub(super) const DATA: &[Sweep] = &[
     Sweep { name: "integrator", methods: &[Raycast], routes: COMPUTE, options: &[("integrator", &["midpoint", "exact"]), ("step", COARSE)] },
     Sweep { name: "integrator", methods: MESHES, routes: COMPUTE, options: &[("integrator", INTEGRALS)] },
     Sweep { name: "splats", methods: SPLATS, routes: COMPUTE, options: &[] },
+    Sweep { name: "order", methods: TRAINED, routes: COMPUTE, options: &[("order", &["depth", "distance"])] },
+    Sweep { name: "rule", methods: TRAINED, routes: COMPUTE, options: &[] },
 ];
 
 /// A technique with one combination of options.
@@ -243,8 +258,22 @@ impl Setting {
         // Splats composited one by one represent the field only if kernels add up.
         let ordered = |(key, value): &(&str, String)| *key == "order" && value != "slabs";
         let fits = adds_up || method != SplatEwa || !self.technique.option_pairs().iter().any(ordered);
-        method.fits(scene) && fits && (has_kernels || input::too_many_splats(method, &scene.data).is_none())
+        let suits = scene.splat_rule().is_none_or(|rule| suits(&self.technique, rule));
+        method.fits(scene)
+            && suits
+            && fits
+            && (has_kernels || input::too_many_splats(method, &scene.data).is_none())
     }
+}
+
+/// Returns whether a rule of trained splats has the options that a technique sets.
+fn suits(technique: &Technique, rule: SplatRule) -> bool {
+    let overlaps = [SplatRule::Overlap, SplatRule::Integral].contains(&rule);
+    input::changed(technique).iter().all(|(key, value)| match *key {
+        "order" => !overlaps && (value != "pixel" || rule.has_depth()),
+        "step" => overlaps,
+        _ => true,
+    })
 }
 
 #[cfg(test)]
@@ -285,17 +314,15 @@ mod tests {
 
     #[test]
     fn the_sweeps_cover_every_technique_and_route() {
-        // No suite has scenes of trained splats.
-        let is_covered = |method: &Method| method.data() != ["gaussians"];
         for sweeps in [STANDARD, SMOKE, SIZES, DATA] {
             let settings = settings(sweeps).unwrap();
-            for method in Method::ALL.into_iter().filter(is_covered) {
+            for method in Method::ALL {
                 assert!(settings.iter().any(|setting| setting.technique.method() == method), "{method:?}");
             }
         }
         for (sweeps, least) in [(STANDARD, MIDDLE.len()), (SMOKE, 1), (SIZES, 1)] {
             let settings = settings(sweeps).unwrap();
-            for (method, route) in input::all_routes().filter(|(method, _)| is_covered(method)) {
+            for (method, route) in input::all_routes() {
                 let drawn =
                     |setting: &&Setting| setting.technique.method() == method && setting.route == route;
                 assert!(settings.iter().filter(drawn).count() >= least, "{method:?} {route}");

@@ -91,6 +91,8 @@ fn cases(view: &[&Record]) -> String {
     heading.extend(is_grid.then_some(["samples", "fetches", "samples/s"]).into_iter().flatten());
     heading.extend(is_mesh.then_some(["tets/s", "fragments/s"]).into_iter().flatten());
     heading.extend(has_splats.then_some(["pairs/s", "evaluations/s"]).into_iter().flatten());
+    let has_bytes = view.iter().any(|record| record.counter("splat_bytes").is_some());
+    heading.extend(has_bytes.then_some("bytes/splat"));
     let mut rows = vec![heading.into_iter().map(str::to_string).collect::<Vec<_>>()];
     for record in view.iter().filter(|record| record.skipped.is_none() && record.failed.is_none()) {
         let mut row = record.names().to_vec();
@@ -110,6 +112,9 @@ fn cases(view: &[&Record]) -> String {
             let pairs = record.counter("pairs");
             row.extend([pairs, pairs.map(|pairs| pairs * EVALUATIONS)].map(rate));
         }
+        if has_bytes {
+            row.push(record.counter("splat_bytes").map_or_else(dash, three_digits));
+        }
         rows.push(row);
     }
     table(&rows, 3)
@@ -128,7 +133,8 @@ fn features(view: &[&Record]) -> Vec<Vec<String>> {
                 text.map_or_else(|| off.to_string(), |text| text.trim_end_matches(".0").to_string())
             };
             let on = state(record);
-            if on == off {
+            // Orders of splats are no feature that is on or off.
+            if on == off || (key == "order" && record.data != "mesh") {
                 continue;
             }
             let others = |record: &Record| {
@@ -235,6 +241,9 @@ mod tests {
         assert!(text.contains("1000 points.") && text.contains("| pairs/s | evaluations/s |"), "{text}");
         assert!(text.contains("| splat-ewa | compute | order=center | 1.00e-3 | 2.00e-3 | 10.0 |"), "{text}");
         assert!(text.contains("| - | - | 5M | 320M |"), "{text}");
+        ewa.counters.insert("splat_bytes".to_string(), serde_json::json!(88));
+        let text = markdown(std::slice::from_ref(&ewa), &charts(std::slice::from_ref(&ewa)), false);
+        assert!(text.contains("| bytes/splat |") && text.contains("| 320M | 88.0 |"), "{text}");
         let mut grid = case("slabs", "compute", "", 1e-3, &[10.0]);
         for (name, number) in [("samples", 20_000), ("fetches", 160_000)] {
             grid.counters.insert(name.to_string(), serde_json::json!(number));
