@@ -2,6 +2,7 @@
 //! it, two frames in flight, a timeline semaphore that signals their ends.
 //!
 //!     cargo run --release --example embed -- out 8 --technique slices-3d:step=0.5 --size 640x480
+//!     cargo run --release --example embed -- out 8 --splats playbot.sog
 //!
 //! There is no window: the program writes the last two frames to `out`. `--technique none` draws no volume. The exit code is 1
 //! after messages of the validation layer.
@@ -12,7 +13,7 @@
 mod boxes;
 mod vulkan;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -21,11 +22,14 @@ use volraster::ash::vk;
 use volraster::glam::dcamera::rh::{proj, view};
 use volraster::glam::{DMat4, DVec3};
 use volraster::gpu::{CommandBuffer, DepthImage, DepthProjection, GpuOptions, TargetImage};
-use volraster::scene::{Camera, Field, Projection, Scene, TransferFunction, View};
-use volraster::{Gpu, GpuScene, Plan, Recorded, Renderer, TargetDesc, TargetMode, Technique, io};
+use volraster::io::ReadOptions;
+use volraster::scene::{Axes, Camera, Field, Projection, Scene, TransferFunction, View};
+use volraster::{Colours, Gpu, GpuScene, Plan, Recorded, Renderer, TargetDesc, TargetMode, Technique, io};
 use vulkan::{Image, ReadBack, Result, Vulkan};
 
 const COLOUR: vk::Format = vk::Format::R8G8B8A8_SRGB;
+/// The same image as it is displayed: trained splats are blended in such colours.
+const DISPLAYED: vk::Format = vk::Format::R8G8B8A8_UNORM;
 const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
 const BACKGROUND: [f32; 4] = [0.02, 0.025, 0.04, 1.0];
 const FOV_Y_DEG: f64 = 40.0;
@@ -36,20 +40,27 @@ struct Arguments {
     folder: PathBuf,
     frames: u64,
     technique: Option<Technique>,
+    splats: Option<PathBuf>,
     size: [u32; 2],
 }
 
 fn arguments() -> Result<Arguments> {
-    const USAGE: &str = "usage: embed FOLDER [FRAMES] [--technique NAME[:KEY=VALUE,...]|none] [--size WxH]";
+    const USAGE: &str =
+        "usage: embed FOLDER [FRAMES] [--technique NAME[:KEY=VALUE,...]|none] [--splats FILE] [--size WxH]";
     let mut given = std::env::args().skip(1);
     let folder = PathBuf::from(given.next().ok_or(USAGE)?);
-    let mut arguments =
-        Arguments { folder, frames: 8, technique: Some(Technique::parse("slices-3d")?), size: [640, 480] };
+    let technique = Some(Technique::parse("slices-3d")?);
+    let mut arguments = Arguments { folder, frames: 8, technique, splats: None, size: [640, 480] };
     while let Some(argument) = given.next() {
         match argument.as_str() {
             "--technique" => {
                 let name = given.next().ok_or(USAGE)?;
                 arguments.technique = if name == "none" { None } else { Some(Technique::parse(&name)?) };
+            }
+            "--splats" => {
+                // By a rule that has a depth on each ray, so that the boxes hide what is behind them.
+                arguments.technique = Some(Technique::parse("gaussians:rule=ray")?);
+                arguments.splats = Some(given.next().ok_or(USAGE)?.into());
             }
             "--size" => {
                 let size = given.next().ok_or(USAGE)?;
@@ -92,17 +103,8 @@ fn draw(vulkan: &Arc<Vulkan>, arguments: &Arguments) -> Result<()> {
     // `with_queue`.
     let gpu = unsafe { Gpu::from_raw(vulkan.parts(), &GpuOptions::default()) }?;
     println!("device: {}", gpu.report().name);
-    let scene = Scene::new(
-        Field::Blobs.sample([64, 64, 64], "u8")?,
-        TransferFunction::from_rows(&[
-            [0.0, 0.1, 0.4, 0.8, 0.0],
-            [0.2, 0.1, 0.4, 0.8, 0.0],
-            [0.32, 0.15, 0.6, 0.75, 1.5],
-            [0.45, 0.4, 0.8, 0.4, 0.0],
-            [0.95, 1.0, 0.6, 0.2, 0.1],
-            [1.0, 1.0, 0.75, 0.3, 0.5],
-        ])?,
-    );
+    let scene = scene(arguments.splats.as_deref())?;
+    let colours = scene.colours();
     let renderer = arguments.technique.map(|technique| Renderer::new(&GpuScene::new(&gpu, scene), technique));
     let boxes = Boxes::new(vulkan, COLOUR, DEPTH)?;
     let counter = Counter::new(vulkan)?;
@@ -110,17 +112,38 @@ fn draw(vulkan: &Arc<Vulkan>, arguments: &Arguments) -> Result<()> {
     for _ in 0..IN_FLIGHT {
         slots.push(Slot::new(vulkan, arguments.size)?);
     }
-    let engine = Engine { vulkan, gpu: &gpu, renderer, boxes, counter, arguments };
+    let engine = Engine { vulkan, gpu: &gpu, renderer, colours, boxes, counter, arguments };
     // After an error frames may be in flight: their resources are dropped only after they have ended.
     let drawn = engine.frames(&mut slots);
     let ended = slots.iter_mut().try_for_each(|slot| engine.finish(slot));
     drawn.and(ended)
 }
 
+/// Returns trained splats of a file with y up, or a field in a grid.
+fn scene(splats: Option<&Path>) -> Result<Scene> {
+    let rows = [
+        [0.0, 0.1, 0.4, 0.8, 0.0],
+        [0.2, 0.1, 0.4, 0.8, 0.0],
+        [0.32, 0.15, 0.6, 0.75, 1.5],
+        [0.45, 0.4, 0.8, 0.4, 0.0],
+        [0.95, 1.0, 0.6, 0.2, 0.1],
+        [1.0, 1.0, 0.75, 0.3, 0.5],
+    ];
+    let data = match splats {
+        Some(path) => {
+            io::read(path, &ReadOptions { turn_to: Some(Axes::Rub), ..ReadOptions::default() })?.data
+        }
+        None => Field::Blobs.sample([64, 64, 64], "u8")?.into(),
+    };
+    Ok(Scene::new(data, TransferFunction::from_rows(&rows)?))
+}
+
 struct Engine<'a> {
     vulkan: &'a Vulkan,
     gpu: &'a Gpu,
     renderer: Option<Renderer>,
+    /// What the numbers of the scene's colours are.
+    colours: Colours,
     boxes: Boxes<'a>,
     counter: Counter<'a>,
     arguments: &'a Arguments,
@@ -286,7 +309,12 @@ impl Engine<'_> {
     ) -> Result<Recorded> {
         let [width, height] = self.arguments.size;
         let view = View::new(*camera, width, height)?;
-        let target = TargetDesc::caller(COLOUR, TargetMode::Over).with_depth();
+        // Colours that are displayed are blended as they are, linear ones in the format that encodes them.
+        let (format, colour) = match self.colours {
+            Colours::Displayed => (DISPLAYED, slot.colour.other),
+            Colours::Linear => (COLOUR, slot.colour.view),
+        };
+        let target = TargetDesc::caller(format, TargetMode::Over).with_depth();
         // Each frame in flight has a plan, which is set to the view of each frame, and made anew where its capacity is too small.
         let fits = match &mut slot.plan {
             Some(plan) => plan.set_view(&view)?,
@@ -303,8 +331,7 @@ impl Engine<'_> {
         let mut commands = unsafe { CommandBuffer::from_raw(self.gpu, slot.commands) };
         let size = self.arguments.size;
         // SAFETY: the image is in the layout COLOR_ATTACHMENT_OPTIMAL by the barrier above and outlives the frame.
-        let target =
-            unsafe { TargetImage::from_raw(self.gpu, slot.colour.raw, slot.colour.view, COLOUR, size) };
+        let target = unsafe { TargetImage::from_raw(self.gpu, slot.colour.raw, colour, format, size) };
         let stored = DepthProjection::from_matrix(projection)?;
         // SAFETY: the image is in the layout DEPTH_READ_ONLY_OPTIMAL by the barrier above and outlives the frame.
         let depth = unsafe { DepthImage::from_raw(self.gpu, slot.depth.view, DEPTH, size, stored) };
@@ -408,8 +435,8 @@ impl<'a> Slot<'a> {
         let depths = Usage::DEPTH_STENCIL_ATTACHMENT | Usage::SAMPLED;
         let mut slot = Self {
             vulkan,
-            colour: Image::new(vulkan, COLOUR, Aspect::COLOR, colours, size)?,
-            depth: Image::new(vulkan, DEPTH, Aspect::DEPTH, depths, size)?,
+            colour: Image::new(vulkan, COLOUR, Some(DISPLAYED), Aspect::COLOR, colours, size)?,
+            depth: Image::new(vulkan, DEPTH, None, Aspect::DEPTH, depths, size)?,
             read_back: ReadBack::new(vulkan, bytes)?,
             pool: vk::CommandPool::null(),
             commands: vk::CommandBuffer::null(),

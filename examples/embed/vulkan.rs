@@ -221,12 +221,14 @@ fn choose(instance: &ash::Instance) -> Result<(vk::PhysicalDevice, u32)> {
     Ok((physical, family))
 }
 
-/// An image with its memory and its view.
+/// An image with its memory and its views.
 pub(crate) struct Image<'a> {
     vulkan: &'a Vulkan,
     pub(crate) raw: vk::Image,
     memory: vk::DeviceMemory,
     pub(crate) view: vk::ImageView,
+    /// A view in the other format, where one is asked for.
+    pub(crate) other: vk::ImageView,
     pub(crate) range: vk::ImageSubresourceRange,
 }
 
@@ -234,6 +236,7 @@ impl<'a> Image<'a> {
     pub(crate) fn new(
         vulkan: &'a Vulkan,
         format: vk::Format,
+        other: Option<vk::Format>,
         aspect: vk::ImageAspectFlags,
         usage: vk::ImageUsageFlags,
         [width, height]: [u32; 2],
@@ -244,6 +247,7 @@ impl<'a> Image<'a> {
             raw: vk::Image::null(),
             memory: vk::DeviceMemory::null(),
             view: vk::ImageView::null(),
+            other: vk::ImageView::null(),
             range,
         };
         let device = &vulkan.device;
@@ -254,6 +258,7 @@ impl<'a> Image<'a> {
             .mip_levels(1)
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
+            .flags(other.map_or(vk::ImageCreateFlags::empty(), |_| vk::ImageCreateFlags::MUTABLE_FORMAT))
             .usage(usage);
         // SAFETY: every device supports these formats and usages.
         image.raw = unsafe { device.create_image(&info, None) }?;
@@ -262,21 +267,29 @@ impl<'a> Image<'a> {
         image.memory = vulkan.allocate(needs, vk::MemoryPropertyFlags::DEVICE_LOCAL)?;
         // SAFETY: fresh image and memory of its size.
         unsafe { device.bind_image_memory(image.raw, image.memory, 0) }?;
-        let info = vk::ImageViewCreateInfo::default()
-            .image(image.raw)
-            .view_type(vk::ImageViewType::TYPE_2D)
-            .format(format)
-            .subresource_range(range);
-        // SAFETY: the image is bound.
-        image.view = unsafe { device.create_image_view(&info, None) }?;
+        let view = |format| {
+            let info = vk::ImageViewCreateInfo::default()
+                .image(image.raw)
+                .view_type(vk::ImageViewType::TYPE_2D)
+                .format(format)
+                .subresource_range(range);
+            // SAFETY: the image is bound; another format is one of the same size, for which the image was made.
+            unsafe { device.create_image_view(&info, None) }
+        };
+        image.view = view(format)?;
+        if let Some(other) = other {
+            image.other = view(other)?;
+        }
         Ok(image)
     }
 }
 
 impl Drop for Image<'_> {
     fn drop(&mut self) {
-        // SAFETY: no submission that uses it is pending; null is allowed.
-        unsafe { self.vulkan.device.destroy_image_view(self.view, None) };
+        for view in [self.view, self.other] {
+            // SAFETY: no submission that uses it is pending; null is allowed.
+            unsafe { self.vulkan.device.destroy_image_view(view, None) };
+        }
         // SAFETY: as above.
         unsafe { self.vulkan.device.destroy_image(self.raw, None) };
         // SAFETY: its image is gone.

@@ -6,6 +6,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+use volraster::glam::DVec3;
+use volraster::gpu::GpuOptions;
+use volraster::io::GaussiansOutput;
+use volraster::scene::{Axes, Camera, Field, Projection, Scene, SplatRule, TransferFunction, View};
+use volraster::{Gpu, GpuScene, Renderer, Technique};
+
 /// The folder of the examples, which are built; by a run of all tests they are already.
 fn examples() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
@@ -46,11 +52,18 @@ const SIZE: [u32; 2] = [160, 120];
 
 /// The last two of `frames` frames of `embed` with a technique.
 fn embed(technique: &str, frames: u32) -> [Vec<[u8; 4]>; 2] {
-    let folder = folder(&format!("embed-{}", technique.replace([':', '=', ','], "-")));
+    embed_with(&["--technique", technique], frames)
+}
+
+/// The same with other arguments.
+fn embed_with(arguments: &[&str], frames: u32) -> [Vec<[u8; 4]>; 2] {
+    let technique = arguments.join(" ");
+    let folder = folder(&format!("embed-{}", technique.replace([':', '=', ',', '/', ' '], "-")));
     let mut program = Command::new(examples().join("embed"));
     let output = program
         .arg(&folder)
-        .args([&frames.to_string(), "--technique", technique, "--size", "160x120"])
+        .args([&frames.to_string(), "--size", "160x120"])
+        .args(arguments)
         .output()
         .unwrap();
     let said = text(&output);
@@ -120,6 +133,43 @@ fn the_volume_stands_among_the_program_s_own_boxes() {
         } else {
             first = Some(drawn);
         }
+    }
+}
+
+/// Trained splats stand among the boxes, blended in the codes that are displayed.
+#[test]
+fn trained_splats_stand_among_the_program_s_own_boxes() {
+    let path = folder("embed-input").with_extension("ply");
+    let splats = Field::Blobs.splats(3000).unwrap().with_axes(Axes::Rub);
+    volraster::io::write_gaussians(&path, &splats, &GaussiansOutput::default()).unwrap();
+    let opaque = embed("none", 3);
+    let drawn = embed_with(&["--splats", path.to_str().unwrap()], 3);
+    let gpu = Gpu::new(&GpuOptions::default()).unwrap();
+    let transfer = TransferFunction::from_rows(&[[0.0; 5]]).unwrap();
+    let scene = GpuScene::new(&gpu, Scene::new(splats, transfer).with_rule(SplatRule::Ray));
+    let camera = Camera {
+        eye: DVec3::new(2.6, 1.4, 4.0),
+        target: DVec3::new(0.0, -0.1, 0.0),
+        up: DVec3::Y,
+        projection: Projection::Perspective { fov_y_deg: 40.0 },
+    };
+    for (frame, (drawn, opaque)) in (1_u8..).zip(drawn.iter().zip(&opaque)) {
+        let view = View::new(camera.orbit(frame.into()).unwrap(), SIZE[0], SIZE[1]).unwrap();
+        let alone = Renderer::new(&scene, Technique::parse("gaussians").unwrap()).render(&view).unwrap();
+        let background = opaque[0];
+        let (mut covered, mut worst) = (0, 0.0_f32);
+        for ((drawn, opaque), alone) in drawn.iter().zip(opaque).zip(alone.pixels()) {
+            // Of the box before the splats.
+            assert!(opaque[0] / 2 <= opaque[1] || opaque[2] / 2 <= opaque[1] || drawn == opaque);
+            if *opaque == background {
+                let over = |k: usize| {
+                    (255.0 * alone[k] + (1.0 - alone[3]) * f32::from(background[k])).clamp(0.0, 255.0)
+                };
+                worst = (0..3).map(|k| (f32::from(drawn[k]) - over(k)).abs()).fold(worst, f32::max);
+                covered += usize::from(alone[3] > 0.5);
+            }
+        }
+        assert!(covered > 300 && worst < 1.5, "frame {frame}: {covered} pixels, {worst} codes");
     }
 }
 
