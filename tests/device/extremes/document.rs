@@ -16,7 +16,7 @@ refuse a case with an error; a wrong image fails the test. The tests generate th
 `VOLRASTER_WRITE_EXTREMES=1 tools/test.sh --all -- the_document` writes it. Without the variable, the test fails if the
 file differs.
 
-Numbers identify rows. Rows 5.x are changes that must not change the image; c and s are clipping and surfaces.
+Numbers identify rows. Rows 5.x are changes that must not change the image; c and s are clipping and surfaces, g trained splats.
 `t32(N) = max(2e-6, 1.2e-7 N)` is an absolute tolerance for N blended pieces of values in [0, 1]; od is optical depth. The
 source of each case derives its tolerance. The catalogue omits rows on features that the project does not have (refined
 grids, shading), and pixels whose centre lies within 1/64 pixel of a cube's outline.

@@ -29,12 +29,13 @@ mod splat_limits;
 mod splats;
 mod support;
 mod targets;
+mod trained;
 mod transfer;
 
 use catalogue::{Family, Results};
 
 /// Every family, in the order of the document.
-static FAMILIES: [&Family; 14] = [
+static FAMILIES: [&Family; 15] = [
     &integrals::FAMILY,
     &transfer::FAMILY,
     &targets::FAMILY,
@@ -45,6 +46,7 @@ static FAMILIES: [&Family; 14] = [
     &meshes::FAMILY,
     &splats::FAMILY,
     &splat_limits::FAMILY,
+    &trained::FAMILY,
     &metamorphic::FAMILY,
     &modes::FAMILY,
     &limits::FAMILY,
@@ -83,6 +85,7 @@ families!(
     meshes,
     splats,
     splat_limits,
+    trained,
     metamorphic,
     modes,
     refusals
