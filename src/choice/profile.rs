@@ -14,7 +14,9 @@ use crate::error::{Error, Result};
 use crate::gpu::{Gpu, user_cache_folder};
 use crate::resident::GpuScene;
 use crate::scene::presets::Preset;
-use crate::scene::{Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, View};
+use crate::scene::{
+    Camera, Data, Field, Kernel, KernelSize, Kernels, Model, Projection, Scene, SplatRule, View,
+};
 
 /// The source of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,6 +76,9 @@ const SCENES: &[(&str, Sides, &str, u32)] = &[
     ("blobs", Sides::Kernels(24, Kernel::Gaussian, Model::Density), "fog", 96),
     ("blobs", Sides::Kernels(24, Kernel::Gaussian, Model::Interpolate), "fog", 96),
     ("blobs", Sides::Kernels(16, Kernel::BSpline, Model::Interpolate), "fog", 96),
+    ("blobs", Sides::Trained(6000, SplatRule::Khr), "fog", 128),
+    ("blobs", Sides::Trained(6000, SplatRule::Ray), "fog", 128),
+    ("blobs", Sides::Trained(3000, SplatRule::Overlap), "fog", 96),
 ];
 
 #[derive(Clone, Copy, Debug)]
@@ -84,6 +89,8 @@ enum Sides {
     Points(u32, f64),
     /// Samples reconstructed by kernels.
     Kernels(u32, Kernel, Model),
+    /// Trained splats by a rule.
+    Trained(u32, SplatRule),
 }
 
 impl Profile {
@@ -240,12 +247,17 @@ fn scene_of(&(field, sides, look, side): &(&str, Sides, &str, u32)) -> Result<(S
         Sides::Kernels(side, ..) => field.sample([side; 3], "f32")?.into(),
         Sides::Cubes(cubes) => field.tets(cubes)?.into(),
         Sides::Points(count, radius) => field.points(count)?.with_size(KernelSize::Radius(radius))?.into(),
+        Sides::Trained(count, _) => field.splats(count)?.into(),
     };
     let top = if matches!(sides, Sides::Samples(_, "u8")) { 255.0 } else { 1.0 };
     let transfer = Preset::named(look)?.transfer(&data, None, Some([0.0, top]), Some(1.0))?;
     let mut scene = Scene::new(data, transfer);
-    if let Sides::Kernels(_, kernel, model) = sides {
-        scene = scene.with_kernels(Kernels { kernel, model, ..Kernels::of_samples() })?;
+    match sides {
+        Sides::Kernels(_, kernel, model) => {
+            scene = scene.with_kernels(Kernels { kernel, model, ..Kernels::of_samples() })?;
+        }
+        Sides::Trained(_, rule) => scene = scene.with_rule(rule),
+        _ => {}
     }
     Ok((scene, side))
 }

@@ -75,7 +75,7 @@ fn all(is: impl Fn(Of, Method) -> bool) -> Vec<Candidate> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Field, Kernel, Kernels, Lighting, Mode, Model, TransferFunction};
+    use crate::scene::{Field, Kernel, Kernels, Lighting, Mode, Model, SplatRule, TransferFunction};
 
     /// Every candidate draws its scene as the reference does, and every kind of scene has candidates.
     #[test]
@@ -87,6 +87,7 @@ mod tests {
         let with = |scene: Scene, kernel, model| {
             scene.with_kernels(Kernels { kernel, model, ..Kernels::of_points() }).unwrap()
         };
+        let trained = |rule| Scene::new(Field::Ramp.splats(3).unwrap(), transfer()).with_rule(rule);
         for (scene, least) in [
             (grid(), 30),
             (grid().with_mode(Mode::Lit(Lighting::default())).unwrap(), 29),
@@ -98,6 +99,8 @@ mod tests {
             (with(grid(), Kernel::Gaussian, Model::Density), 9),
             (with(grid(), Kernel::Sinc, Model::Interpolate), 7),
             (with(mesh(), Kernel::Gaussian, Model::Interpolate), 6),
+            (trained(SplatRule::Khr), 4),
+            (trained(SplatRule::Integral), 6),
         ] {
             let candidates = candidates(&scene);
             assert!(candidates.len() >= least, "{:?}: {}", scene.kernels, candidates.len());

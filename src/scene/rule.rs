@@ -49,6 +49,12 @@ impl SplatRule {
         named("rule", name, &Self::ALL)
     }
 
+    /// Returns whether splats are extinction along each ray, which overlaps, so that they have no order.
+    #[must_use]
+    pub fn overlaps(self) -> bool {
+        matches!(self, Self::Overlap | Self::Integral)
+    }
+
     /// Returns the rule that splats were trained under; that of the first paper where nothing is known.
     #[must_use]
     pub fn of(mode: TrainedMode) -> Self {

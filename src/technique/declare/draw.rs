@@ -7,7 +7,7 @@ use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
 use crate::frame::upsampling::Drawn;
 use crate::resident::GpuScene;
-use crate::scene::{Data, Kernel, Kernels, Model, Scene, View};
+use crate::scene::{Data, Kernel, Kernels, Model, Scene, SplatRule, View};
 use crate::technique::declare::{self, OptionBits as _, OptionSet, Resolution};
 
 /// The fixed description of a technique: its name and source, and the scenes and routes that it supports.
@@ -59,6 +59,10 @@ pub(crate) enum Of {
     Gaussians,
     /// Other kernels, except for meshes.
     Others,
+    /// Trained splats by rules that blend them in order.
+    Ordered,
+    /// Trained splats by rules in which they overlap.
+    Overlapping,
 }
 
 impl Of {
@@ -67,13 +71,16 @@ impl Of {
         let kernels = match (&scene.data, scene.kernels) {
             (Data::Grid(_), None) => return self == Self::Grids,
             (Data::Mesh(_), None) => return self == Self::Meshes,
-            (Data::Gaussians(_), _) => return false,
+            (Data::Gaussians(_), _) => {
+                let overlaps = scene.splat_rule().is_some_and(SplatRule::overlaps);
+                return self == if overlaps { Self::Overlapping } else { Self::Ordered };
+            }
             (Data::Points(_), None) => Kernels::of_points(),
             (_, Some(kernels)) => kernels,
         };
         let gaussian = kernels.kernel == Kernel::Gaussian;
         match self {
-            Self::Grids | Self::Meshes => false,
+            Self::Grids | Self::Meshes | Self::Ordered | Self::Overlapping => false,
             Self::Densities => gaussian && kernels.model == Model::Density,
             Self::Gaussians => gaussian,
             Self::Others => !gaussian && scene.mesh().is_none(),

@@ -39,7 +39,7 @@ use crate::primitives::radix_sort::RadixSort;
 use crate::resident::GpuScene;
 use crate::resident::splats::trained::TrainedSet;
 use crate::scene::{SplatRule, View};
-use crate::technique::declare::draw::{Draw, Facts, TechniqueOptions};
+use crate::technique::declare::draw::{Draw, Facts, Of, TechniqueOptions};
 use crate::technique::declare::{Value, option_set, refused, words};
 use crate::technique::splat::bands::{BandedDraw, Repair, Rounds, Step, bands_of};
 use crate::technique::splat::options::TileOptions;
@@ -111,7 +111,12 @@ impl TechniqueOptions for Options {
             ("overlap", "", [1e-3, 1e-2]),
             ("integral", "step=0.02", [5e-4, 5e-3]),
         ],
-        families: &[],
+        families: &[
+            (Of::Ordered, "", &[""]),
+            (Of::Ordered, "order=depth", &[""]),
+            (Of::Ordered, "resolution=", &["quarter", "half"]),
+            (Of::Overlapping, "step=", &["0.32", "0.16", "0.08", "0.04", "0.02", "0.01"]),
+        ],
     };
 }
 
@@ -131,7 +136,7 @@ impl Draw for Options {
             let why = format!("pixel: splats have no depth on a ray by rule={}", rule.name());
             return Err(refused(Self::NAME, "order", why));
         }
-        let overlaps = [SplatRule::Overlap, SplatRule::Integral].contains(&rule);
+        let overlaps = rule.overlaps();
         for (key, is_set, fits) in
             [("order", self.order.is_some(), !overlaps), ("step", self.step.is_some(), overlaps)]
         {

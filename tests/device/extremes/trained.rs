@@ -75,7 +75,7 @@ fn at_one_place(run: &mut Run<'_>, sigma: f64, splats: &[(f32, [f32; 3])]) {
     let pixel = view.pixel_size();
     let (middle, _) = view.project(DVec3::ZERO).unwrap();
     by_rules(run, &parts_of(&parts), &view, |_, rule, image| {
-        let overlaps = [SplatRule::Overlap, SplatRule::Integral].contains(&rule);
+        let overlaps = rule.overlaps();
         let widened = [SplatRule::Inria, SplatRule::Antialiased].contains(&rule);
         let variance = sigma * sigma + if widened { 0.3 * pixel * pixel } else { 0.0 };
         for (i, place) in pixels(&view) {
@@ -152,7 +152,7 @@ fn as_reference(run: &mut Run<'_>, centre: [f32; 3], logs: [f32; 3], opacity: f3
 /// √((2 l + 1) / 4π), and from behind (-1)^l times that.
 fn at_the_poles(run: &mut Run<'_>) {
     let own = [[0.3_f32, -0.2, 0.4], [0.25, 0.1, -0.3], [-0.15, 0.2, 0.1], [0.1, -0.12, 0.2]];
-    let mut harmonics = vec![[0.0_f32; 3]; 16];
+    let mut harmonics = [[0.0_f32; 3]; 16];
     for (l, colour) in own.iter().enumerate() {
         harmonics[l * l + l] = *colour;
     }
