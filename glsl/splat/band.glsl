@@ -15,9 +15,9 @@ layout(push_constant) uniform SplatPush {
     vec4 forward_reach; // depth of a centre: dot of it with xyz; w: half the depth that a kernel spans, of sigma 1
     vec2 half_extent;   // of the image, pixels
     float unit;         // world length of a unit of depth
-    float h;            // in depth: thickness of a slab, or reach of the largest footprint
+    float h;            // in depth: thickness of a slab, or reach of the largest footprint; of trained splats: the middle's, from the eye
     float cut;          // distance at which kernels end, in sigmas
-    float least;        // sum of weights that shows anything
+    float least;        // sum of weights that shows anything; of trained splats: the least standard deviation along a line
     float amplitude;    // weight of a kernel on a lattice, times its integral's unit
     float opaque;       // transmittance at which a line ends
     uint knots;

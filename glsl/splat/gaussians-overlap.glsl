@@ -85,7 +85,7 @@ bool met(vec2 pixel, Record record, vec2 reference, vec2 drawn, out Part part) {
     part.sigma = max(met.sigma, push.least);
     float peak = exp2(record.limits.y - met.bits), reach = REACH * part.sigma;
     // -log(1 - peak)
-    part.depth = RULE == RULE_INTEGRAL ? peak : peak < 0.01 ? peak * (1.0 + peak * (0.5 + peak * 0.33333333)) : min(-log(1.0 - peak), MOST_DEPTH);
+    part.depth = RULE == RULE_INTEGRAL ? peak : peak < 0.01 ? peak * (1.0 + peak * (0.5 + peak * 0.33333333)) : min(-log(max(1.0 - peak, 0.0)), MOST_DEPTH);
     part.ends = vec2(drawn.x < part.at - reach ? 0.0 : before(part, drawn.x), drawn.y > part.at + reach ? 1.0 : before(part, drawn.y));
     return part.ends.y > part.ends.x;
 }
@@ -100,12 +100,12 @@ float level_of(uint k) {
 // Iterations that are left but for those that place depths: of all lanes at different splats.
 uint room = MOST - 64u * SLABS;
 // Those that a splat takes at most.
-const uint TURNS = 1u, ALWAYS = 1u;
+const uint TURNS = 1u + ROWS, ALWAYS = TURNS;
 
 // Depth before which a share of a splat lies, nearly (Winitzki's inverse of the error function).
 float depth_of(Part part, float share) {
     float x = clamp(2.0 * share - 1.0, -0.9999, 0.9999), l = log(1.0 - x * x), a = 4.3307468 + 0.5 * l;
-    return part.at + part.sigma * 1.4142136 * sign(x) * sqrt(sqrt(a * a - l * 6.8027211) - a);
+    return part.at + part.sigma * 1.4142136 * sign(x) * sqrt(max(sqrt(a * a - l * 6.8027211) - a, 0.0));
 }
 
 // A line, as far as splats were met.
@@ -207,10 +207,10 @@ void main() {
 #else
 // The first step of a search among slabs.
 const uint TOP = SLABS > 128u ? 128u : SLABS > 64u ? 64u : SLABS > 32u ? 32u : SLABS > 16u ? 16u : 8u;
-// Iterations that are left but for the end of each line, those that a splat takes at most, and those that it takes whatever it meets. Lanes
-// of columns count together what they take beyond.
-const uint TURNS = ROWS * (SLABS + 8u) + 1u, ALWAYS = ROWS > 1 ? ROWS * 8u + 1u : TURNS;
-uint room = MOST - ROWS * SLABS;
+// Iterations that are left, those that a splat takes at most, and those that it takes whatever it meets: of the search at most 9, of the slabs
+// within one. Lanes of columns count together what they take beyond.
+const uint TURNS = ROWS * (SLABS + 10u) + 1u, ALWAYS = ROWS > 1 ? ROWS * 10u + 1u : TURNS;
+uint room = MOST;
 
 // A line with the slabs that it is cut into.
 struct Line {
@@ -240,8 +240,8 @@ void place_in(inout Line line, uint place, vec2 from, Record record, vec2 refere
 #define ADD(share) put(place, SHARES + k, fma(part.depth, share, number(place, SHARES + k)));
 #endif
     while (true) {
-        float ends = there && k < SLABS - 1u ? number(place, k + 1u) : BEHIND_ALL;
-        bool within = ends < high;
+        float ends = k < SLABS - 1u ? number(place, k + 1u) : BEHIND_ALL;
+        bool within = there && ends < high;
         if (!ANY(within)) break;
         if (within) {
             float share = clamp(before(part, ends), part.ends.x, part.ends.y);
@@ -253,7 +253,9 @@ void place_in(inout Line line, uint place, vec2 from, Record record, vec2 refere
     }
     if (!there) return;
     ADD(part.ends.y - passed)
+#if defined BLEND || defined BLEND_WIDE
     line.sum.rgb = fma(vec3(part.depth * weight), record.colour.rgb, line.sum.rgb);
+#endif
 }
 
 #endif
@@ -278,11 +280,7 @@ void main() {
     for (; i < end && live && !ANY(room < TURNS); ++i) {
         uint at = record_of(bins[i], true);
         Record record;
-        vec4 bend;
-        FETCH_TWO(records, at, record.form, record.limits)
-        FETCH_TWO(records, at + 2u, record.colour, bend)
-        record.turn = FETCH(records, at + 4u);
-        record.bend = bend.xyz;
+        FETCH_RAY_RECORD(at, record)
         vec2 reference = reference_of(record.form.xy, push.half_extent);
         room -= ALWAYS;
 #define NEXT(r) place_in(lines[r], place + r * TILE, from + vec2(0.0, float(r)), record, reference);
@@ -299,9 +297,10 @@ void main() {
     if (unfinished && IS_LAST) atomicAdd(status[STATUS_UNFINISHED], 1u);
 #if defined PLACE || defined PLACE_WIDE
 #define END(r) end_line(lines[r], place + r * TILE, i);
-#else
-#define END(r) store_pixel(origin + uvec2(0, r), lines[r].sum);
-#endif
     EACH_ROW(END)
+#elif defined BLEND || defined BLEND_WIDE
+#define END(r) store_pixel(origin + uvec2(0, r), lines[r].sum);
+    EACH_ROW(END)
+#endif
 }
 #endif

@@ -76,13 +76,10 @@ void main() {
     for (; i < stop && IS_LIVE; ++i) {
         uint at = record_of(bins[i], RAYS);
         Record record;
-        FETCH_TWO(records, at, record.form, record.limits)
         if (RAYS) {
-            vec4 bend;
-            FETCH_TWO(records, at + 2u, record.colour, bend)
-            record.turn = FETCH(records, at + 4u);
-            record.bend = bend.xyz;
+            FETCH_RAY_RECORD(at, record)
         } else {
+            FETCH_TWO(records, at, record.form, record.limits)
             record.colour = FETCH(records, at + 2u);
         }
         vec2 reference = RAYS ? reference_of(record.form.xy, push.half_extent) : vec2(0.0);

@@ -43,6 +43,15 @@ Record record_at(uint id) {
     return record;
 }
 
+// Reads a record of rules of rays, by lanes that share it.
+#define FETCH_RAY_RECORD(at, record) { \
+        vec4 bend; \
+        FETCH_TWO(records, at, record.form, record.limits) \
+        FETCH_TWO(records, (at) + 2u, record.colour, bend) \
+        record.turn = FETCH(records, (at) + 4u); \
+        record.bend = bend.xyz; \
+    }
+
 // Meets a splat with the line of a pixel, which is drawn between two depths.
 Met meet(vec2 pixel, Record record, vec2 reference, vec2 drawn) {
     vec2 d = pixel - record.form.xy, own = vec2(fma(record.form.z, d.x, record.form.w * d.y), record.limits.x * d.y);

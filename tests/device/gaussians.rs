@@ -15,15 +15,6 @@ use volraster::scene::{
 use volraster::technique::Renderer;
 use volraster::{Gpu, GpuScene, TargetDesc};
 
-const DRAWN: [SplatRule; 6] = [
-    SplatRule::Khr,
-    SplatRule::Inria,
-    SplatRule::Antialiased,
-    SplatRule::Ray,
-    SplatRule::Overlap,
-    SplatRule::Integral,
-];
-
 /// A number from -1 to 1, the same for each place.
 fn number(i: usize) -> f32 {
     let hash = (i as u32).wrapping_mul(2_654_435_761) ^ 0x5bd1_e995;
@@ -72,12 +63,12 @@ fn compared(gpu: &Gpu, scene: &Scene, view: &View, options: &str) -> ([f64; 2], 
     ([all.rmse, all.max_abs], image)
 }
 
-/// From afar, from within and by parallel lines, of every degree of harmonics, in columns and in pixels, in one band and in several.
+/// Images are the reference's from afar, from within and by parallel lines, of every degree of harmonics, in columns and in pixels, in one band and in several.
 #[test]
 fn each_rule_is_its_reference() {
     let gpu = gpu();
     for (i, view) in views().into_iter().enumerate() {
-        for rule in DRAWN {
+        for (_, rule) in SplatRule::ALL {
             for (degree, options) in taken(2, [(0, ""), (2, ":pairs=700"), (3, ":spread=pixels"), (4, "")]) {
                 let ([rmse, most], image) = compared(&gpu, &scene(cloud(900, degree), rule), &view, options);
                 println!("{i} {} degree {degree}{options}: {:.1e}, {:.1e}", rule.name(), rmse, most);
@@ -112,7 +103,7 @@ fn images_do_not_depend_on_the_loop_limit() {
     let gpu = gpu();
     let limited = gpu_with(GpuOptions { loop_limit: Some(4500), ..GpuOptions::default() });
     let view = View::new(*views()[0].camera(), 8, 8).unwrap();
-    for rule in DRAWN {
+    for (_, rule) in SplatRule::ALL {
         // The repair of a pixel goes through its whole bin in one dispatch.
         let options = if rule == SplatRule::Ray {
             ["order=depth", "order=depth,spread=pixels"]

@@ -71,7 +71,7 @@ fn rmse(pixels: impl Iterator<Item = ([f64; 4], [f64; 4])>) -> f64 {
     (sum / f64::max(count, 1.0)).sqrt()
 }
 
-/// Each rule at 2,500 pixels of three views of two scenes: as near to its truth as it should be. The truths, pair by pair, are as far apart
+/// Each rule is as near to its truth as it should be, at 2,500 pixels of three views of two scenes. The truths, pair by pair, are as far apart
 /// as the document says.
 #[test]
 #[ignore = "make test-all: data that is not part of the project"]
@@ -126,7 +126,7 @@ fn rules_are_near_their_truths_and_as_far_apart_as_the_document_says() {
     assert!(document == written, "docs/TECHNIQUES.md lists other distances; {remake}");
 }
 
-/// Each two rules.
+/// Returns the places of each two rules.
 fn pairs() -> impl Iterator<Item = [usize; 2]> {
     (0..6).flat_map(|i| (i + 1..6).map(move |j| [i, j]))
 }

@@ -50,12 +50,12 @@ fn read(path: &Path) -> (u32, u32, Vec<[u8; 4]>) {
 
 const SIZE: [u32; 2] = [160, 120];
 
-/// The last two of `frames` frames of `embed` with a technique.
+/// Returns the last two of `frames` frames of `embed` with a technique.
 fn embed(technique: &str, frames: u32) -> [Vec<[u8; 4]>; 2] {
     embed_with(&["--technique", technique], frames)
 }
 
-/// The same with other arguments.
+/// Draws the same with other arguments.
 fn embed_with(arguments: &[&str], frames: u32) -> [Vec<[u8; 4]>; 2] {
     let technique = arguments.join(" ");
     let folder = folder(&format!("embed-{}", technique.replace([':', '=', ',', '/', ' '], "-")));

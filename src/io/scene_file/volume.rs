@@ -73,11 +73,11 @@ pub(crate) struct VolumeSpec {
     offset: Option<u64>,
 }
 
-/// The keys that place raw samples in their file and in the world.
 fn written_types() -> impl Iterator<Item = String> {
     type_names().map(|(name, ..)| name)
 }
 
+/// The keys that place raw samples in their file and in the world.
 const RAW: [&str; 5] = ["endian", "spacing", "origin", "direction", "offset"];
 
 /// The default type of the samples of a field.

@@ -16,7 +16,7 @@ use glam::DVec3;
 ///
 /// # Accuracy
 ///
-/// Lengths to 2.4e-7 of their range in e-folds, 1e-5 at most; rotations to 2e-6 radians; opacities to 2e-6; the constants of colours
+/// Lengths to 2.4e-7 of their range in e-folds, 1e-5 at most; rotations to 5e-6 radians; opacities to 2e-6; the constants of colours
 /// to 4e-6, other coefficients to 5e-4.
 #[derive(Debug)]
 pub(crate) struct TrainedSet {
@@ -41,12 +41,12 @@ const LENGTH_BITS: u32 = 21;
 const PART_BITS: u32 = 20;
 const OPACITY_BITS: u32 = 18;
 
-/// The greatest code of a number of bits.
+/// Returns the greatest code of a number of bits.
 fn greatest(bits: u32) -> f64 {
     f64::from((1_u32 << bits) - 1)
 }
 
-/// Codes of lengths; 0 is flat.
+/// Returns the number of codes of lengths but that of flat splats, which is 0.
 fn codes() -> f64 {
     greatest(LENGTH_BITS) - 1.0
 }
@@ -132,7 +132,12 @@ fn packed(splats: &Gaussians, i: usize, scales: &Scales) -> [u32; TRAINED_WORDS 
     let functions = harmonics::count(splats.degree());
     let own = &splats.harmonics()[3 * functions * i..][..3];
     // Six bits of an opacity take the place of a number's last, which is rounded to those before.
-    let colour = |k: usize| (own[k].to_bits().saturating_add(32) & !63) | opacity >> (6 * k) & 63;
+    let colour = |k: usize| {
+        let bits = own[k].to_bits();
+        // The greatest numbers are not rounded up: they would be infinite.
+        let rounded = if own[k].abs() < f32::MAX / 2.0 { bits + 32 } else { bits };
+        rounded & !63 | opacity >> (6 * k) & 63
+    };
     let [l0, l1, r0, r1]: [u32; 4] = bytemuck::cast([lengths, rotation].map(u64::to_le));
     [place[0], place[1], place[2], l0, l1, r0, r1, colour(0), colour(1), colour(2)]
 }

@@ -280,7 +280,9 @@ impl TrainedFrame {
             pixels: buffer(gpu, "pixels", u64::from(PIXELS_FIRST) + listed)?,
             columns: desc.tiles.columns(name, gpu)?,
         };
-        let rounds = fill.longest().div_ceil(turns).max(1).max(known.rounds);
+        // Loop iterations that a splat takes, whatever it meets.
+        let each = desc.slabs.map_or(1, |slabs| if inputs.columns { 10 * TILE } else { slabs + 11 });
+        let rounds = fill.longest().saturating_mul(each).div_ceil(turns).max(1).max(known.rounds);
         let steps = match desc.slabs {
             Some(slabs) => inputs.overlap(gpu, rounds, slabs, in_band)?,
             None => vec![Step::Bins(inputs.blend(gpu, rounds)?.into())],

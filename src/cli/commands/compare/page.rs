@@ -20,7 +20,7 @@ pub(crate) struct Page {
     pub(crate) facts: Vec<(&'static str, String)>,
     /// The ground truth; of trained splats one of each rule.
     pub(crate) truths: Vec<Picture>,
-    /// Between each two of them.
+    /// How far each two of them are apart.
     pub(crate) distances: Vec<Distance>,
     pub(crate) rows: Vec<Row>,
     /// Technique, route and reason of each technique that did not draw.

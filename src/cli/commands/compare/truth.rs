@@ -39,7 +39,7 @@ pub(crate) struct Distance {
 }
 
 impl Truth {
-    /// Writes the image into a folder and returns its picture. Of several each is named after its rule.
+    /// Writes the image into a folder and returns its picture. Of trained splats it is named after the rule.
     pub(super) fn write(
         &self,
         folder: &Path,
@@ -67,10 +67,10 @@ impl Truth {
 pub(super) fn distances(folder: &Path, truths: &[Truth]) -> Result<Vec<Distance>> {
     let mut all = Vec::new();
     for (i, one) in truths.iter().enumerate() {
+        let image = one.image.to_image()?;
         for other in &truths[i + 1..] {
             let (Some(a), Some(b)) = (one.rule, other.rule) else { continue };
             let rules = [a.name(), b.name()];
-            let image = one.image.to_image()?;
             let file = folder.join(format!("{}-{}.heat.png", rules[0], rules[1]));
             write_png(&file, &heat_map_f64(&image, &other.image)?, [0.0, 0.0, 0.0, 1.0])?;
             let rmse = ImageErrors::between_f64(&image, &other.image)?.all.rmse;
