@@ -16,7 +16,7 @@ use serde_json::Value;
 use volraster::Result;
 use volraster::io::{ReadOptions, read_exr};
 use volraster::reference::ReferenceImage;
-use volraster::scene::{Data, Scene, View};
+use volraster::scene::{Data, Scene, SplatRule, View};
 
 use self::entry::{Entry, FRAMES, draw};
 use self::page::Page;
@@ -134,20 +134,25 @@ impl Args {
     /// description in the report.
     fn references(&self, scene: &Scene, view: &View, entries: &[Entry]) -> Result<Vec<Truth>> {
         let cache = Cache::of_user(!self.no_cache);
-        let mut truths: Vec<Truth> = Vec::new();
-        for Entry { rule, .. } in entries {
-            if truths.iter().any(|truth| truth.rule == *rule) {
-                continue;
+        let mut rules: Vec<Option<SplatRule>> = Vec::new();
+        // Where nothing was drawn, the scene's own.
+        for rule in
+            entries.iter().map(|entry| entry.rule).chain(entries.is_empty().then(|| scene.splat_rule()))
+        {
+            if !rules.contains(&rule) {
+                rules.push(rule);
             }
+        }
+        let truth = |rule: Option<SplatRule>| {
             let scene = rule.map_or_else(|| scene.clone(), |rule| scene.clone().with_rule(rule));
             let (image, origin) = output::counting_rows(view, |rows| cache.image(&scene, view, Some(rows)))?;
             let what = match origin {
                 Origin::Drawn => "float64 reference",
                 Origin::Cached => "float64 reference (cached)",
             };
-            truths.push(Truth { rule: *rule, image, what: what.to_string() });
-        }
-        Ok(truths)
+            Ok(Truth { rule, image, what: what.to_string() })
+        };
+        rules.into_iter().map(truth).collect()
     }
 
     /// Returns whether the ground truth is the float64 reference, not a given file.
