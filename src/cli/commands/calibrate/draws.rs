@@ -154,7 +154,13 @@ pub(super) fn check(
             (Some(fastest), Some(choice)) => {
                 let (spec, trials) = (&choice.trials[choice.chosen].spec, choice.trials.len());
                 found.trials.push(trials as f64);
-                if let Some(&(_, rmse, ms)) = costs.iter().find(|(other, ..)| other == spec) {
+                let known = costs.iter().find(|(other, ..)| other == spec).map(|&(_, rmse, ms)| (rmse, ms));
+                // A step between those of the table was drawn for the choice alone.
+                let own = match &choice.trials[choice.chosen].outcome {
+                    TrialOutcome::Drawn { error, ms } => Some((error.rmse, *ms)),
+                    _ => None,
+                };
+                if let Some((rmse, ms)) = known.or(own) {
                     found.held += u32::from(rmse <= max_error);
                     found.ratios.push(ms / fastest);
                     line += &format!(
