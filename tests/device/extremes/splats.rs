@@ -271,15 +271,19 @@ fn hidden(run: &mut Run<'_>) {
     }
 }
 
-/// A line that ends early is off by no more than what it says.
+/// A line that ends early is off by no more than what it says. Where each pixel has its own order, an opaque one waits for all that may come
+/// before: far behind the first balls is a cloud.
 fn early(run: &mut Run<'_>) {
-    let mut balls = cloud(1.0, DVec3::ZERO);
-    balls.iter_mut().for_each(|ball| ball.tau *= 100.0);
-    let rows = transfer(&[[0.0, 0.1, 0.9, 0.4, 1.0], [1.0, 0.3, 0.6, 0.9, 1.0]]);
-    let points = points_of(&balls).with_scalars((0..12).map(|i| i as f32 / 12.0).collect()).unwrap();
-    let scene = GpuScene::new(run.gpu, Scene::new(points, rows));
     // Tiles end as a whole: each lies within the balls.
     let view = view(Projection::Orthographic { half_height: 0.2 }, 1.0, 24, 24);
+    // Of optical depth 1.5 each: a share of 1e-4 is left of what is behind them.
+    let wide = |k: i32| Ball::new(0.1 * f64::from(k) * view.forward(), 0.5, 0.6 / 0.5);
+    let mut balls: Vec<Ball> = (0..6).map(wide).collect();
+    let behind = cloud(1.0, 8.0 * view.forward());
+    balls.extend(behind.into_iter().map(|ball| Ball { tau: 100.0 * ball.tau, ..ball }));
+    let rows = transfer(&[[0.0, 0.1, 0.9, 0.4, 1.0], [1.0, 0.3, 0.6, 0.9, 1.0]]);
+    let points = points_of(&balls).with_scalars((0..18).map(|i| i as f32 / 18.0).collect()).unwrap();
+    let scene = GpuScene::new(run.gpu, Scene::new(points, rows));
     for mode in EXACT.iter().chain([&ELLIPSES]) {
         let Some(whole) = run.frame(&scene, &view, &spec_of(mode), &[mode.1, &[("stop", "0")]].concat())
         else {
