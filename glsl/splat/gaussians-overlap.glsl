@@ -190,7 +190,7 @@ void main() {
     for (uint k = placed + 1u; k < count; ++k) put(place, k, end);
 }
 #elif defined WEIGH
-// What a unit of optical depth adds, over each slab.
+// Replaces the optical depth of each slab by the light that a unit of it adds.
 void main() {
     uint in_band = WORKGROUP_NUMBER, place = in_band * TILE_PIXELS + LANE;
     if (in_band >= push.tiles) return;

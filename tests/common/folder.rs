@@ -28,6 +28,18 @@ pub const OPTIONS: ReadOptions = ReadOptions::within(1 << 30);
 pub static SCHEMA: LazyLock<Validator> =
     LazyLock::new(|| jsonschema::draft202012::new(&serde_json::from_str(&scene_schema()).unwrap()).unwrap());
 
+/// Returns the path of a file of the shared data, or None where there is none: the test is skipped then, and says so.
+pub fn shared(name: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("VOLRASTER_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
+    let path = root.join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("skipped: {} is missing", path.display());
+    None
+}
+
 /// Whether the reader accepts a scene file, and its technique has the options that the file names.
 pub fn is_accepted(path: &Path, options: &ReadOptions) -> bool {
     SceneFile::load(path, options).is_ok_and(|loaded| {

@@ -4,10 +4,10 @@
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers of test images")]
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::common::*;
+use crate::folder::shared;
 use glam::DVec3;
 use volraster::GpuScene;
 use volraster::Image;
@@ -512,13 +512,7 @@ fn options_that_do_not_go_together_are_refused() {
 
 /// A real mesh, with fog over the range of its data that is as thick across it as across the cube.
 fn real(name: &str) -> Option<Scene> {
-    let folder = std::env::var_os("VOLRASTER_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let path = folder.join("unstructured").join(name);
-    if !path.exists() {
-        println!("skipped: {}: no such file (VOLRASTER_DATA)", path.display());
-        return None;
-    }
+    let path = shared(&format!("unstructured/{name}"))?;
     let mut options = ReadOptions::within(4 << 30);
     options.array = (name == "can_crush_hex.vtu").then(|| "cell:EQPS".to_string());
     let Data::Mesh(mesh) = io::read(&path, &options).unwrap().data else { panic!("{name} is no mesh") };

@@ -93,7 +93,7 @@ pub(super) struct BandedDraw {
     pub(super) bands: Vec<Band>,
     /// Tiles in a row.
     pub(super) across: u32,
-    /// What is done, one after the other.
+    /// The steps that draw a band's bins, one after the other.
     pub(super) steps: Vec<Step>,
     /// Draws again the pixels that are listed.
     pub(super) repair: Option<Repair>,

@@ -1,13 +1,12 @@
 //! What the tests of all formats share.
 
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
 
 use volraster::io::{Data, Loaded, ReadOptions, read, read_memory};
 use volraster::scene::{Gaussians, Grid, Points, Samples, Tets};
 use volraster::{Error, Result};
 
-pub use crate::folder::{Folder, OPTIONS};
+pub use crate::folder::{Folder, OPTIONS, shared};
 
 /// A file with those that it names, in memory: the first is the one to read.
 #[derive(Clone, Debug)]
@@ -105,18 +104,6 @@ pub fn gaussians(loaded: Loaded) -> Gaussians {
 pub fn stored(grid: &Grid) -> Vec<f64> {
     let samples: &Samples = grid.samples();
     (0..samples.len()).map(|i| samples.get(i)).collect()
-}
-
-/// A file of the shared data, or None where there is none: the test is skipped then, and says so.
-pub fn shared(name: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("VOLRASTER_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data"), PathBuf::from);
-    let path = root.join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("skipped: {} is missing", path.display());
-    None
 }
 
 /// Reads a file of the shared data.

@@ -72,10 +72,7 @@ pub(super) fn draw(
                     Err(error) => return Err(error),
                 }
             };
-            let name = rule.map_or_else(
-                || method.name().to_string(),
-                |rule| format!("{}-{}", method.name(), rule.name()),
-            );
+            let name = named(method, rule);
             output::print(&format!("skipped: {name}/{route}: {why}"))?;
             refused.push([name, route.to_string(), why]);
         }
@@ -96,6 +93,11 @@ fn all(scene: &Scene) -> impl Iterator<Item = (Method, &'static str, Option<Spla
     routes.flat_map(move |(method, route)| rules.clone().into_iter().map(move |rule| (method, route, rule)))
 }
 
+/// Returns a technique's name, with the rule of trained splats.
+fn named(method: Method, rule: Option<SplatRule>) -> String {
+    rule.map_or_else(|| method.name().to_string(), |rule| format!("{}-{}", method.name(), rule.name()))
+}
+
 impl Entry {
     /// Draws with a scene of its own, so that the measured memory is all that the technique needs. The files are named
     /// after technique and route: `slices-3d-compute`, then `slices-3d-compute-2`; techniques of one route have no such part, those of
@@ -113,11 +115,10 @@ impl Entry {
         let last = frames.last().map_or(&[][..], |frame| &frame.counters);
         let counters = drawing.plan().counters().into_iter().chain(last.iter().copied()).collect();
         let (route, image) = (drawing.plan().route(), drawing.read_back()?);
-        let name = match rule {
-            Some(rule) => format!("{}-{}", method.name(), rule.name()),
-            None if method.routes().len() > 1 => format!("{}-{route}", method.name()),
-            None => method.name().to_string(),
-        };
+        let mut name = named(method, rule);
+        if method.routes().len() > 1 {
+            name = format!("{name}-{route}");
+        }
         let same =
             |entry: &&Self| entry.technique.method() == method && entry.route == route && entry.rule == rule;
         let stem = match others.iter().filter(same).count() {

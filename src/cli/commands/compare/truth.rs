@@ -16,7 +16,7 @@ pub(super) struct Truth {
     /// The rule of trained splats that it shows.
     pub(super) rule: Option<SplatRule>,
     pub(super) image: ReferenceImage,
-    /// What it is.
+    /// Its description in the report.
     pub(super) what: String,
 }
 
