@@ -100,3 +100,99 @@ fn cases_are_listed_by_name_and_technique() {
     let (code, _, err) = run(&["--technique", "none"], &[]);
     assert_eq!(code, Some(2), "{err}");
 }
+
+/// Baselines of suites name these tests: a name that disappears is a change that the CHANGELOG tells of.
+#[test]
+fn the_names_of_googletest_are_those_of_the_list() {
+    let (code, out, err) = run(&["--gtest_list_tests"], &[]);
+    assert_eq!(code, Some(0), "{err}");
+    let list = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/program/googletest-names.txt");
+    if std::env::var_os("VOLRASTER_WRITE_NAMES").is_some() {
+        std::fs::write(&list, &out).unwrap();
+    }
+    let known = std::fs::read_to_string(list).unwrap();
+    assert_eq!(out, known, "VOLRASTER_WRITE_NAMES=1 writes the list anew");
+}
+
+/// Returns the results of a run by the protocol, as runners read them: the word in brackets after each `[ RUN      ]`.
+fn googletest_results(out: &str) -> Vec<(&str, &str)> {
+    let mut results = Vec::new();
+    let mut current = None;
+    for line in out.lines() {
+        if let Some(name) = line.strip_prefix("[ RUN      ] ") {
+            assert_eq!(current.replace(name), None, "a test begins inside of another: {line}");
+        } else if let (Some(name), Some((word, rest))) =
+            (current, line.split_once("] ").filter(|_| line.contains('[')))
+        {
+            assert!(rest.starts_with(name), "{line}");
+            results.push((name, word.trim_start_matches('[').trim()));
+            current = None;
+        }
+    }
+    assert_eq!(current, None, "{out}");
+    results
+}
+
+#[test]
+fn runners_of_googletest_get_lines_reports_and_exit_codes() {
+    let (json, xml) = (path("selftest-gtest.json"), path("selftest-gtest.xml"));
+    let filter = "--gtest_filter=upload.slabs*:validation.core";
+    let report = format!("--gtest_output=json:{}", json.display());
+    let fault = ["--provoke", "upload/slabs:route=compute", "--without-validation"];
+    let (code, out, err) = run(&[filter, &report, "--gtest_color=no", fault[2]], &[]);
+    assert_eq!(code, Some(0), "{out}{err}");
+    let core = ("validation.core", "SKIPPED");
+    let [compute, raster] = ["upload.slabs/route_compute", "upload.slabs/route_raster"];
+    assert_eq!(googletest_results(&out), [core, (raster, "OK"), (compute, "OK")], "{out}");
+    assert!(
+        out.contains("[==========] 3 tests from 2 test suites ran.") && out.contains("[  PASSED  ] 2 tests.")
+    );
+    let report: Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+    assert_eq!([&report["tests"], &report["failures"]], [3, 0]);
+    assert_eq!(report["testsuites"][0]["testsuite"][0]["result"], "SKIPPED");
+    assert_eq!(report["testsuites"][1]["testsuite"][1]["name"], "slabs/route_compute");
+
+    let report = format!("--gtest_output=xml:{}", xml.display());
+    let (code, out, err) = run(&[filter, &report, fault[0], fault[1]], &[]);
+    assert_eq!(code, Some(1), "{out}{err}");
+    assert!(err.contains("selftest: 1 of 3 cases failed"), "{err}");
+    assert_eq!(
+        googletest_results(&out),
+        [("validation.core", "OK"), (raster, "OK"), (compute, "FAILED")],
+        "{out}"
+    );
+    assert!(out.contains(&format!("[  FAILED  ] 1 test, listed below:\n[  FAILED  ] {compute}")), "{out}");
+    let report = std::fs::read_to_string(&xml).unwrap();
+    assert!(report.contains(r#"<testsuites tests="3" failures="1" disabled="0" errors="0""#), "{report}");
+    assert!(
+        report.contains(r#"<testcase name="slabs/route_compute" status="run" result="completed""#),
+        "{report}"
+    );
+    assert!(report.contains("<failure message=\"1 validation messages, the first VUID-"), "{report}");
+}
+
+#[test]
+fn shards_of_googletest_take_each_test_once() {
+    let status = path("selftest-shard");
+    let shard = |index: &str| {
+        let environment = [
+            ("GTEST_TOTAL_SHARDS", "3"),
+            ("GTEST_SHARD_INDEX", index),
+            ("GTEST_FILTER", "*raycast*"),
+            ("GTEST_SHARD_STATUS_FILE", status.to_str().unwrap()),
+        ];
+        run(&["--gtest_list_tests"], &environment)
+    };
+    let whole = run(&["--gtest_list_tests", "--gtest_filter=*raycast*"], &[]).1;
+    let tests = |out: &str| out.lines().filter(|line| line.starts_with("  ")).count();
+    let parts: Vec<usize> = ["0", "1", "2"].map(|index| tests(&shard(index).1)).into();
+    assert_eq!(parts.iter().sum::<usize>(), tests(&whole));
+    assert!(parts.iter().all(|part| part.abs_diff(tests(&whole) / 3) <= 1), "{parts:?}");
+    assert!(status.exists(), "the file that tells a runner of shards is missing");
+    let (code, _, err) = shard("3");
+    assert_eq!(code, Some(2), "{err}");
+    assert!(err.contains("GTEST_TOTAL_SHARDS") && err.lines().count() == 1, "{err}");
+    let (code, out, _) = run(&["--gtest_filter=no.test"], &[]);
+    assert_eq!(code, Some(0), "{out}");
+    assert!(out.contains("[==========] Running 0 tests from 0 test suites."), "{out}");
+}

@@ -22,7 +22,7 @@ pub(super) struct Case {
 }
 
 /// The result of a case, as an entry of the report.
-#[derive(Serialize)]
+#[derive(Clone, Serialize)]
 pub(super) struct Done {
     pub(super) name: String,
     pub(super) status: Status,

@@ -13,8 +13,9 @@ use volraster::{Error, Result};
 
 use super::allow::{Allowed, id_of};
 use super::cases::{self, Case, Done, Status};
-use super::controls::Controls;
-use super::session::Place;
+use super::controls::{self, Controls};
+use super::googletest::{self, Flags};
+use super::session;
 use super::sweeps;
 use super::workbench::{Stop, Workbench};
 use crate::cli::input::DeviceArgs;
@@ -40,6 +41,8 @@ pub(crate) struct Args {
     /// List the cases without running them.
     #[arg(long)]
     list: bool,
+    #[command(flatten)]
+    googletest: Flags,
     /// Run without the validation layer; its checks are reported as skipped.
     #[arg(long)]
     without_validation: bool,
@@ -85,10 +88,17 @@ impl Args {
         if let Some(name) = &self.sweep {
             // Best-practice advice and instrumented shaders do not matter there, and cost time.
             let validation = if self.without_validation { Validation::Off } else { Validation::On };
-            return sweeps::run(name, &Place { validation, ..self.device.options() }, self.every_call);
+            return sweeps::run(
+                name,
+                &session::Place { validation, ..self.device.options() },
+                self.every_call,
+            );
         }
         if let Some(path) = &self.output {
             volraster::io::check_writable(path)?;
+        }
+        if let Some(request) = self.googletest.request()? {
+            return self.speak(request);
         }
         let methods =
             self.technique.iter().map(|name| Method::from_name(name)).collect::<Result<Vec<_>>>()?;
@@ -96,7 +106,7 @@ impl Args {
             let named = self.filter.is_empty() || self.filter.iter().any(|text| case.name.contains(text));
             named && (methods.is_empty() || case.method.is_some_and(|method| methods.contains(&method)))
         };
-        let all: Vec<Case> = cases::all()?.into_iter().chain(sweeps::all()?).collect();
+        let all = all()?;
         let whole = all.iter().all(wanted);
         let cases: Vec<Case> = all.into_iter().filter(wanted).collect();
         if cases.is_empty() {
@@ -109,82 +119,108 @@ impl Args {
             }
             return Ok(());
         }
-        self.test(&cases, whole, quiet)
+        let bar = output::progress(cases.len() as u64 + 1, "selftest");
+        let mut lines = Lines { bar, quiet };
+        let run = self.test(&cases, &|_| true, &mut lines)?;
+        lines.bar.finish_and_clear();
+        self.conclude(&run, whole, quiet)
     }
 
-    /// Checks validation itself, runs the cases, and reports.
-    fn test(&self, cases: &[Case], whole: bool, quiet: bool) -> Outcome {
+    /// Lists or runs what a runner of googletest programs asks for.
+    fn speak(&self, request: googletest::Request) -> Outcome {
+        let names = names()?;
+        let selected = request.select(names.iter().map(String::as_str));
+        if request.lists() {
+            return Ok(googletest::list(&selected)?);
+        }
+        let is_selected = |name: &str| selected.contains(&name);
+        let mut cases = all()?;
+        cases.retain(|case| is_selected(&case.name));
+        let mut protocol = request.begin(&selected)?;
+        let run = match selected.is_empty() {
+            true => None,
+            false => Some(self.test(&cases, &is_selected, &mut protocol)?),
+        };
+        protocol.end()?;
+        match run {
+            Some(run) => run.verdict(),
+            None => Ok(()),
+        }
+    }
+
+    /// Checks validation itself, then runs the cases, and tells the listener of all that is selected.
+    fn test(
+        &self,
+        cases: &[Case],
+        is_selected: &dyn Fn(&str) -> bool,
+        listener: &mut dyn Listener,
+    ) -> Result<Run> {
         let start = Instant::now();
         // Fails here if there is no device.
-        let report = self.device.open(false)?.0.report().clone();
+        let device = self.device.open(false)?.0.report().clone();
         let controls =
             if self.without_validation { Controls::skipped() } else { Controls::run(&self.device) };
         let validation = controls.validation();
         let allowed = Allowed::of_crate()?;
-        let bar = output::progress(cases.len() as u64 + 1, "selftest");
-        let layer = controls.layer.as_deref();
-        if !quiet {
-            let DeviceReport { name, driver, api, .. } = &report;
-            let layer = layer.unwrap_or("none");
-            output::print(&format!("device: {name}, {driver}, Vulkan {api}; layer: {layer}"))?;
-            output::print(&format!("validation: {}", controls.line()))?;
-        }
+        listener.place(&Place { device: &device, controls: &controls })?;
         let workbench = Workbench::new(self.device.clone(), validation);
-        let kinds = controls.kinds().map(|(what, works)| (what.name(), works)).collect();
-        let mut done: Vec<Done> = controls.faults.into_iter().map(|(_, control)| control).collect();
-        for control in &done {
-            print_result(control, &bar, quiet)?;
+        let mut done = Vec::new();
+        for (_, control) in controls.faults.iter().filter(|(_, control)| is_selected(&control.name)) {
+            listener.begins(&control.name)?;
+            listener.ends(control)?;
+            done.push(control.clone());
+        }
+        for case in cases {
+            listener.begins(&case.name)?;
+            let result = self.run_case(&workbench, case, &allowed);
+            listener.ends(&result)?;
+            done.push(result);
         }
         // Leaks are reported when the device is destroyed.
         let end = |workbench: &Workbench| {
             workbench.end();
             Ok("nothing is left".to_string())
         };
-        let end = Case { name: "end of the device".to_string(), method: None, run: Box::new(end) };
-        for case in cases.iter().chain([&end]) {
-            let result = self.run_case(&workbench, case, &allowed);
-            bar.inc(1);
-            print_result(&result, &bar, quiet)?;
+        let end = Case { name: END.to_string(), method: None, run: Box::new(end) };
+        let result = self.run_case(&workbench, &end, &allowed);
+        if is_selected(END) || result.status == Status::Fail {
+            listener.begins(END)?;
+            listener.ends(&result)?;
             done.push(result);
         }
-        bar.finish_and_clear();
-        let count = |status: Status| done.iter().filter(|case| case.status == status).count();
-        let is_complete = whole && validation == Validation::Full;
-        let report = Report {
-            schema: "volraster-selftest/1",
-            volraster: env!("CARGO_PKG_VERSION"),
-            device: &report,
-            layer,
-            validation: kinds,
-            whole,
-            every_call: self.every_call,
-            cases: &done,
-            allowed: &allowed,
-            unused: if is_complete { allowed.unused() } else { Vec::new() },
-            passed: count(Status::Ok),
-            failed: count(Status::Fail),
-            skipped: count(Status::Skip),
-            seconds: start.elapsed().as_secs_f64(),
-        };
-        self.conclude(&report, quiet)
+        Ok(Run { device, controls, validation, done, allowed, seconds: start.elapsed().as_secs_f64() })
     }
 
     /// Writes the report, prints the counts, and fails if a case failed.
-    fn conclude(&self, report: &Report<'_>, quiet: bool) -> Outcome {
+    fn conclude(&self, run: &Run, whole: bool, quiet: bool) -> Outcome {
+        let is_complete = whole && run.validation == Validation::Full;
+        let report = Report {
+            schema: "volraster-selftest/1",
+            volraster: env!("CARGO_PKG_VERSION"),
+            device: &run.device,
+            layer: run.controls.layer.as_deref(),
+            validation: run.controls.kinds().map(|(what, works)| (what.name(), works)).collect(),
+            whole,
+            every_call: self.every_call,
+            cases: &run.done,
+            allowed: &run.allowed,
+            unused: if is_complete { run.allowed.unused() } else { Vec::new() },
+            passed: run.count(Status::Ok),
+            failed: run.count(Status::Fail),
+            skipped: run.count(Status::Skip),
+            seconds: run.seconds,
+        };
         if let Some(path) = &self.output {
             output::write_json(path, &json!(report))?;
         }
-        let &Report { passed, failed, skipped, seconds, .. } = report;
+        let Report { passed, failed, skipped, seconds, .. } = report;
         if !quiet {
             for id in &report.unused {
                 output::print(&format!("note: the allowed message {id} never appeared"))?;
             }
             output::print(&format!("{passed} ok, {failed} failed, {skipped} skipped in {seconds:.1} s"))?;
         }
-        match failed {
-            0 => Ok(()),
-            _ => Err(Failure::Finding(format!("selftest: {failed} of {} cases failed", report.cases.len()))),
-        }
+        run.verdict()
     }
 
     /// Runs a case, and fails it if the layer gave messages that are not allowed.
@@ -213,16 +249,102 @@ impl Args {
     }
 }
 
-/// Prints the line of a case and one message of each id; the report has all messages. Quiet runs print failures only.
-fn print_result(done: &Done, bar: &ProgressBar, quiet: bool) -> Result<()> {
-    if quiet && done.status != Status::Fail {
-        return Ok(());
+/// The name of the case that destroys the shared device.
+const END: &str = "device/end";
+
+/// Returns every case but the checks of validation itself and the end of the device.
+fn all() -> Result<Vec<Case>> {
+    Ok(cases::all()?.into_iter().chain(sweeps::all()?).collect())
+}
+
+/// Returns the names of all cases in the order in which they run.
+pub(super) fn names() -> Result<Vec<String>> {
+    let cases = all()?.into_iter().map(|case| case.name);
+    Ok(controls::names().into_iter().chain(cases).chain([END.to_string()]).collect())
+}
+
+/// The results of a run.
+struct Run {
+    device: DeviceReport,
+    controls: Controls,
+    validation: Validation,
+    done: Vec<Done>,
+    allowed: Allowed,
+    seconds: f64,
+}
+
+impl Run {
+    fn count(&self, status: Status) -> usize {
+        self.done.iter().filter(|case| case.status == status).count()
     }
-    bar.suspend(|| output::print(&done.line()))?;
-    for (i, message) in done.messages.iter().enumerate() {
-        if done.messages[..i].iter().all(|other| id_of(other) != id_of(message)) {
-            bar.suspend(|| output::print(&format!("     {}", output::plain(message))))?;
+
+    /// Fails if a case failed.
+    fn verdict(&self) -> Outcome {
+        match self.count(Status::Fail) {
+            0 => Ok(()),
+            failed => {
+                Err(Failure::Finding(format!("selftest: {failed} of {} cases failed", self.done.len())))
+            }
         }
     }
-    Ok(())
+}
+
+/// The device and the validation of a run.
+pub(super) struct Place<'a> {
+    device: &'a DeviceReport,
+    controls: &'a Controls,
+}
+
+impl Place<'_> {
+    /// Returns a line about the device and one about validation.
+    pub(super) fn lines(&self) -> [String; 2] {
+        let DeviceReport { name, driver, api, .. } = self.device;
+        let layer = self.controls.layer.as_deref().unwrap_or("none");
+        let device = format!("device: {name}, {driver}, Vulkan {api}; layer: {layer}");
+        [device, format!("validation: {}", self.controls.line())]
+    }
+}
+
+/// Is told of a run while it goes on.
+pub(super) trait Listener {
+    /// The device is open, and validation was checked.
+    fn place(&mut self, place: &Place<'_>) -> Result<()>;
+    /// A case begins.
+    fn begins(&mut self, case: &str) -> Result<()>;
+    /// A case has ended.
+    fn ends(&mut self, done: &Done) -> Result<()>;
+}
+
+/// Prints a line per case below a progress bar. Quiet runs print failures only.
+struct Lines {
+    bar: ProgressBar,
+    quiet: bool,
+}
+
+impl Listener for Lines {
+    fn place(&mut self, place: &Place<'_>) -> Result<()> {
+        if self.quiet {
+            return Ok(());
+        }
+        place.lines().iter().try_for_each(|line| self.bar.suspend(|| output::print(line)))
+    }
+
+    fn begins(&mut self, _: &str) -> Result<()> {
+        Ok(())
+    }
+
+    /// Prints the line of a case and one message of each id; the report has all messages.
+    fn ends(&mut self, done: &Done) -> Result<()> {
+        self.bar.inc(1);
+        if self.quiet && done.status != Status::Fail {
+            return Ok(());
+        }
+        self.bar.suspend(|| output::print(&done.line()))?;
+        for (i, message) in done.messages.iter().enumerate() {
+            if done.messages[..i].iter().all(|other| id_of(other) != id_of(message)) {
+                self.bar.suspend(|| output::print(&format!("     {}", output::plain(message))))?;
+            }
+        }
+        Ok(())
+    }
 }

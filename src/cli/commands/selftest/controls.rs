@@ -68,6 +68,11 @@ impl Controls {
     }
 }
 
+/// Returns the names of all controls.
+pub(super) fn names() -> [String; Provocation::ALL.len()] {
+    Provocation::ALL.map(name)
+}
+
 fn name(what: Provocation) -> String {
     format!("validation/{}", what.name())
 }
