@@ -89,8 +89,13 @@ fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
     for entry in entries.unwrap_or_else(|error| refuse!("{}: {error}", folder.display())) {
         let path = entry.path();
         if path.is_dir() {
-            // Shaders of the window are for its feature.
-            if !path.ends_with("window") || env::var_os("CARGO_FEATURE_WINDOW").is_some() {
+            // Some shaders are for a feature only.
+            let feature = match path.file_name().and_then(|name| name.to_str()) {
+                Some("window") => Some("CARGO_FEATURE_WINDOW"),
+                Some("faults") => Some("CARGO_FEATURE_TESTING"),
+                _ => None,
+            };
+            if feature.is_none_or(|feature| env::var_os(feature).is_some()) {
                 walk(&path, files);
             }
         } else if path.extension().is_some_and(|extension| extension == "glsl") {

@@ -125,9 +125,9 @@ for driver in "${drivers[@]}"; do
                 some=(--without-validation --filter draw/slices-3d:route=compute --filter draw/raycast --filter draw/havs --filter draw/splat)
             fi
             selftest "self-test, vectors of $width bits, $driver" "${setting[@]}" -- "${some[@]}"
-            selftest "self-test as on hardware, vectors of $width bits, $driver" "${setting[@]}" -- --as-hardware "${some[@]}"
+            selftest "self-test as on hardware, vectors of $width bits, $driver" "${setting[@]}" -- --emulate as-hardware "${some[@]}"
         done
-        selftest "self-test with coarse weights, permuted, $driver" -- --coarse-weights --permute
+        selftest "self-test with coarse weights, permuted, $driver" -- --emulate coarse-weights,permute
     fi
 done
 if $all && [ ${#filter[@]} = 0 ]; then

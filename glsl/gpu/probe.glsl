@@ -1,13 +1,11 @@
 // entry compute LOOP
 // entry compute FILTER
-// entry compute OVERRUN
 //
 // Start-up probes: they measure what Vulkan leaves open, and what drivers are known to get wrong.
 //
 //   LOOP    counts to `count` in one loop, with a body that compilers cannot fold into arithmetic: some drivers silently leave a
 //           loop after a fixed number of iterations
 //   FILTER  samples a 2x2x2 volume along x at `count` evenly spaced positions
-//   OVERRUN writes word `count`, beyond the end of the buffer: a test of validation layers
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
@@ -43,12 +41,5 @@ void main() {
     if (i >= push.count) return;
     float x = float(i) / float(push.count - 1u);
     result.words[i] = floatBitsToUint(textureLod(volume, sampled_at(vec3((x + 0.5) / 2.0, 0.5, 0.5), vec3(2.0)), 0.0).r);
-}
-#endif
-
-#ifdef OVERRUN
-layout(local_size_x = 1) in;
-void main() {
-    result.words[push.count] = 1u;
 }
 #endif

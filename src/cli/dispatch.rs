@@ -8,7 +8,7 @@ use clap::{Parser, Subcommand};
 #[cfg(feature = "window")]
 use crate::cli::commands::view;
 use crate::cli::commands::{
-    bench, calibrate, compare, convert, devices, info, reference, render, schema, selftest, shaders,
+    bench, calibrate, compare, convert, devices, info, provoke, reference, render, schema, selftest, shaders,
     techniques,
 };
 use crate::cli::{interrupt, output};
@@ -51,6 +51,8 @@ enum Command {
     Schema,
     /// Check every technique, route and resource path on this device under full validation.
     Selftest(selftest::Args),
+    /// Commit faults that volume renderers make, and tell which the validation layer hears.
+    Provoke(provoke::Args),
     /// Print the driver's statistics of the shaders: registers, spills, occupancy, instructions.
     Shaders(shaders::Args),
     /// Write a data file as NRRD (grids) or VTU (meshes and points).
@@ -81,6 +83,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Info(args) => args.run(),
         Command::Schema => schema::run(),
         Command::Selftest(args) => args.run(quiet),
+        Command::Provoke(args) => args.run(quiet),
         Command::Shaders(args) => args.run(),
         Command::Convert(args) => args.run(quiet),
     };

@@ -43,3 +43,9 @@ pub(crate) fn check_validation(log: &ValidationLog) -> Outcome {
     };
     Err(Failure::Finding(format!("the validation layers gave {count}")))
 }
+
+/// Returns the id in a message of the form `error ID: text`, without the prefix that newer layers have dropped.
+pub(crate) fn id_of(message: &str) -> &str {
+    let id = message.split_whitespace().nth(1).map_or("", |id| id.trim_end_matches(':'));
+    id.strip_prefix("UNASSIGNED-").unwrap_or(id)
+}

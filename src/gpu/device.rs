@@ -9,7 +9,7 @@ use gpu_allocator::vulkan::Allocator;
 
 use super::budget::Budget;
 use super::cache::PipelineCacheFile;
-use super::feature::Enabled;
+use super::feature::{Enabled, OptionalFeature};
 use super::instance::{Instance, c_name};
 use super::pipeline::{Pipeline, PipelineKey};
 use super::queue::Queue;
@@ -61,8 +61,10 @@ pub(crate) struct Inner {
     /// Bytes of one allocation that the options allow.
     pub(super) allocation_size: u64,
     pub(super) max_buffer: u64,
-    /// Whether buffers get no addresses, although the device offers them.
-    pub(super) no_addresses: bool,
+    /// Optional features that the device does without, although it offers them.
+    pub(super) without: Vec<OptionalFeature>,
+    /// Invocations of a subgroup that passes count on, if lower than the device's.
+    pub(super) subgroup_size: Option<u32>,
     pub(super) as_hardware: bool,
     /// Whether new memory is filled with bytes 0xFF.
     pub(super) poison: bool,

@@ -60,6 +60,17 @@ impl OptionalFeature {
         self.texts()[1]
     }
 
+    /// Returns the format and the features of its images that this feature consists of.
+    pub(super) fn of_format(self) -> Option<(vk::Format, vk::FormatFeatureFlags)> {
+        use vk::FormatFeatureFlags as F;
+        match self {
+            Self::LinearFilterR32f => Some((vk::Format::R32_SFLOAT, F::SAMPLED_IMAGE_FILTER_LINEAR)),
+            Self::LinearFilterR16 => Some((vk::Format::R16_UNORM, F::SAMPLED_IMAGE_FILTER_LINEAR)),
+            Self::BlendRgba32f => Some((vk::Format::R32G32B32A32_SFLOAT, F::COLOR_ATTACHMENT_BLEND)),
+            _ => None,
+        }
+    }
+
     /// Returns name and fallback.
     fn texts(self) -> [&'static str; 2] {
         match self {
@@ -194,6 +205,25 @@ impl Enabled {
             next = base.p_next;
         }
         enabled
+    }
+
+    /// Leaves out what only some optional features need.
+    pub(super) fn without(mut self, features: &[OptionalFeature]) -> Self {
+        for feature in features {
+            match feature {
+                OptionalFeature::FragmentStores => self.fragment_stores_and_atomics = false,
+                OptionalFeature::FragmentInterlock => {
+                    self.fragment_shader_pixel_interlock = false;
+                    self.extensions.retain(|name| name.as_c_str() != ext::fragment_shader_interlock::NAME);
+                }
+                OptionalFeature::BufferAddresses => self.buffer_device_address = false,
+                OptionalFeature::MemoryBudget => {
+                    self.extensions.retain(|name| name.as_c_str() != ext::memory_budget::NAME);
+                }
+                _ => {}
+            }
+        }
+        self
     }
 
     /// Returns whether an extension is enabled.

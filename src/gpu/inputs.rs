@@ -112,7 +112,7 @@ impl<I: Inputs> Entry<I> {
         Self { shader, inputs: PhantomData }
     }
 
-    #[cfg(test)]
+    #[cfg(any(test, feature = "testing"))]
     pub(crate) fn shader(&self) -> &'static Shader {
         self.shader
     }

@@ -17,7 +17,10 @@ mod constants;
 mod depth;
 mod descriptors;
 mod device;
+mod emulation;
 mod external;
+#[cfg(feature = "testing")]
+mod faults;
 mod feature;
 mod image;
 #[cfg(feature = "testing")]
@@ -32,8 +35,6 @@ mod options;
 mod pipeline;
 mod pipeline_build;
 mod probe;
-#[cfg(feature = "testing")]
-mod provoke;
 mod query;
 mod queue;
 mod recorder;
@@ -68,13 +69,13 @@ pub use cache::user_cache_folder;
 pub use depth::{DepthImage, DepthProjection};
 pub use device::{Gpu, Handles};
 pub use external::{CommandBuffer, TargetImage};
+#[cfg(feature = "testing")]
+pub use faults::Fault;
 pub use feature::{Enabled, OptionalFeature};
 #[cfg(feature = "testing")]
 pub use inject::Injection;
 pub use open::devices;
 pub use options::GpuOptions;
-#[cfg(feature = "testing")]
-pub use provoke::Provocation;
 pub use queue::QueueLock;
 pub use select::DeviceReport;
 pub use statistics::ShaderStatistics;

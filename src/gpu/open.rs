@@ -9,7 +9,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use super::budget::Budget;
 use super::cache::PipelineCacheFile;
 use super::device::{Gpu, Inner};
-use super::feature::Enabled;
+use super::feature::{Enabled, OptionalFeature};
 use super::instance::Instance;
 use super::options::GpuOptions;
 use super::queue::Queue;
@@ -86,7 +86,7 @@ impl Gpu {
         let candidate = candidates.swap_remove(best);
         let physical = candidate.raw;
         // SAFETY: `physical` was enumerated from this instance; only devices for Vulkan 1.3 are chosen.
-        let enabled = unsafe { Enabled::useful(&instance.raw, physical) }?;
+        let enabled = unsafe { Enabled::useful(&instance.raw, physical) }?.without(&options.without);
         let mut names: Vec<_> = enabled.extensions.iter().map(|name| name.as_ptr()).collect();
         let mut statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
         if options.shader_statistics {
@@ -149,7 +149,8 @@ impl Gpu {
     pub(super) fn assemble(options: &GpuOptions, opened: Opened) -> Result<Self> {
         let Opened { instance, device, mut candidate, enabled, queue, reports, owned } = opened;
         let physical = candidate.raw;
-        let debug = instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &device));
+        let named = instance.debug_utils && !options.without.contains(&OptionalFeature::DebugNames);
+        let debug = named.then(|| ext::debug_utils::Device::new(&instance.raw, &device));
         let statistics = options
             .shader_statistics
             .then(|| khr::pipeline_executable_properties::Device::new(&instance.raw, &device));
@@ -174,7 +175,8 @@ impl Gpu {
             max_allocation,
             allocation_size,
             max_buffer: buffer,
-            no_addresses: options.no_buffer_addresses,
+            without: options.without.clone(),
+            subgroup_size: options.subgroup_size,
             as_hardware: options.as_hardware,
             poison: options.poison,
             emulates_weights: options.emulate_filter_weights,

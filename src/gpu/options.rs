@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use super::feature::OptionalFeature;
 #[cfg(feature = "testing")]
 use super::inject::Injection;
 use super::validation::{Validation, ValidationLog};
@@ -26,8 +27,10 @@ pub struct GpuOptions {
     pub loop_limit: Option<u32>,
     /// Bytes of a buffer that a descriptor shows shaders; lowers the driver's limit.
     pub storage_range: Option<u32>,
-    /// Whether shaders find no buffer by its address, so that `storage_range` limits all buffers. For tests.
-    pub no_buffer_addresses: bool,
+    /// Optional features that the device does without, so that their fallbacks draw. For tests.
+    pub without: Vec<OptionalFeature>,
+    /// Invocations of a subgroup that passes count on; lowers the device's. For tests.
+    pub subgroup_size: Option<u32>,
     /// Bytes of one allocation of device memory. Without it the driver is asked for every size, also above the one that it
     /// promises.
     pub allocation_size: Option<u64>,

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use ash::{ext, vk};
+use vk::FormatFeatureFlags as F;
 
 use super::device::{Gpu, Handles, Inner};
 use super::feature::OptionalFeature;
@@ -53,25 +54,21 @@ impl Gpu {
     /// Returns whether the device offers an optional feature.
     #[must_use]
     pub fn has(&self, feature: OptionalFeature) -> bool {
-        use vk::FormatFeatureFlags as F;
-        let Inner { candidate, enabled, .. } = &*self.inner;
-        let format = |format, flags| self.image_features(format).contains(flags);
-        match feature {
-            OptionalFeature::LinearFilterR32f => {
-                format(vk::Format::R32_SFLOAT, F::SAMPLED_IMAGE_FILTER_LINEAR)
-            }
-            OptionalFeature::LinearFilterR16 => format(vk::Format::R16_UNORM, F::SAMPLED_IMAGE_FILTER_LINEAR),
-            OptionalFeature::BlendRgba32f => {
-                format(vk::Format::R32G32B32A32_SFLOAT, F::COLOR_ATTACHMENT_BLEND)
-            }
+        let Inner { candidate, enabled, without, .. } = &*self.inner;
+        if let Some((format, flags)) = feature.of_format() {
+            return self.image_features(format).contains(flags);
+        }
+        let is_there = match feature {
             OptionalFeature::FragmentStores => enabled.fragment_stores_and_atomics,
             OptionalFeature::FragmentInterlock => enabled.fragment_shader_pixel_interlock,
             OptionalFeature::OrderedStores => enabled.fragment_stores_and_atomics && candidate.orders_stores,
-            OptionalFeature::BufferAddresses => enabled.buffer_device_address && !self.inner.no_addresses,
+            OptionalFeature::BufferAddresses => enabled.buffer_device_address,
             OptionalFeature::MemoryBudget => enabled.has(ext::memory_budget::NAME),
             OptionalFeature::Timestamps => candidate.timestamp_bits > 0,
-            OptionalFeature::DebugNames => self.inner.debug.is_some(),
-        }
+            // Those of formats have returned.
+            _ => self.inner.debug.is_some(),
+        };
+        is_there && !without.contains(&feature)
     }
 
     /// Returns the device memory that this crate may use in total, in bytes.
@@ -146,18 +143,20 @@ impl Gpu {
         let needed = vk::SubgroupFeatureFlags::BASIC
             | vk::SubgroupFeatureFlags::BALLOT
             | vk::SubgroupFeatureFlags::VOTE;
-        subgroup.subgroup_size >= 8
+        self.inner.subgroup_size.unwrap_or(u32::MAX).min(subgroup.subgroup_size) >= 8
             && subgroup.supported_operations.contains(needed)
             && subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
     }
 
     /// Returns the features of optimally tiled images of a format.
-    pub(crate) fn image_features(&self, format: vk::Format) -> vk::FormatFeatureFlags {
+    pub(crate) fn image_features(&self, format: vk::Format) -> F {
         let instance = &self.inner.instance.raw;
         // SAFETY: the physical device belongs to this instance.
         let properties =
             unsafe { instance.get_physical_device_format_properties(self.inner.candidate.raw, format) };
-        properties.optimal_tiling_features
+        let lacks = self.inner.without.iter().filter_map(|feature| feature.of_format());
+        let lacks = lacks.filter(|(of, _)| *of == format).fold(F::empty(), |sum, (_, flags)| sum | flags);
+        properties.optimal_tiling_features & !lacks
     }
 
     /// Returns the Vulkan version of the device.

@@ -6,10 +6,6 @@ use super::inputs::{Bound, Entry, Inputs, Read, Sampled, Stored, Uniform, Write}
 use super::pipeline::{DeviceConstant, Shader};
 pub(crate) use crate::interface::constants::*;
 
-/// Marks the shader of `Provocation` as used; nothing dispatches it without the feature.
-#[cfg(not(feature = "testing"))]
-const _: &Entry<ProbeLoop> = &PROBE_OVERRUN;
-
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 
 // The bit fields of `glsl/interface.glsl`: the fields of one word do not overlap.

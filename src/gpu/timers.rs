@@ -5,6 +5,7 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::device::Gpu;
+use super::feature::OptionalFeature;
 use crate::error::Result;
 
 /// Timestamps of one recording: one before each pass, and one after the last.
@@ -18,7 +19,7 @@ pub(crate) struct Timers {
 impl Timers {
     /// Makes timers for `passes` passes; `None` where the device has no timestamps.
     pub(crate) fn new(gpu: &Gpu, passes: u32) -> Result<Option<Arc<Self>>> {
-        if gpu.inner.candidate.timestamp_bits == 0 {
+        if !gpu.has(OptionalFeature::Timestamps) {
             return Ok(None);
         }
         let info =

@@ -87,21 +87,14 @@ fn let_go(shared: bool) {
     });
 }
 
-/// Whether `VOLRASTER_EMULATE` names a property of GPUs that the tests' devices have then.
+/// Whether `VOLRASTER_EMULATE` names a property that the tests' devices have then.
 pub fn emulates(property: &str) -> bool {
     std::env::var("VOLRASTER_EMULATE").is_ok_and(|list| list.split(',').any(|word| word == property))
 }
 
 fn open(options: GpuOptions) -> Gpu {
-    let options = GpuOptions {
-        validation: Validation::On,
-        no_pipeline_cache: true,
-        poison: true,
-        as_hardware: options.as_hardware || emulates("as-hardware"),
-        emulate_filter_weights: options.emulate_filter_weights || emulates("coarse-weights"),
-        permute: options.permute || emulates("permute"),
-        ..options
-    };
+    let options = GpuOptions { validation: Validation::On, no_pipeline_cache: true, poison: true, ..options };
+    let options = options.emulating(&std::env::var("VOLRASTER_EMULATE").unwrap_or_default()).unwrap();
     match Gpu::new(&options) {
         Ok(gpu) => gpu,
         Err(error) => panic!("a validated device is required (run `make test`, which installs one): {error}"),

@@ -8,6 +8,7 @@ pub(crate) mod compare;
 pub(crate) mod convert;
 pub(crate) mod devices;
 pub(crate) mod info;
+pub(crate) mod provoke;
 pub(crate) mod reference;
 pub(crate) mod render;
 pub(crate) mod schema;

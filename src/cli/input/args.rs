@@ -45,27 +45,39 @@ pub(crate) struct DeviceArgs {
     /// Select the device by part of its name, ignoring case. Overrides the environment variable `VOLRASTER_DEVICE`.
     #[arg(long, value_name = "NAME")]
     pub(crate) device: Option<String>,
-    /// Give a software device the passes of a GPU: wide workgroups, an invocation for each pixel. Slower, for tests.
-    #[arg(long)]
-    as_hardware: bool,
-    /// Round the weights of linear filters to 8 bits, as the samplers of most GPUs do. For tests.
-    #[arg(long)]
-    coarse_weights: bool,
-    /// Have workgroups take their work in reverse order. Images must not depend on it. For tests.
-    #[arg(long)]
-    permute: bool,
+    /// Make the device behave like a tighter one: a list of as-hardware, coarse-weights, permute, loop=N, buffer=BYTES,
+    /// allocation=BYTES, memory=BYTES, subgroup=N, no-FEATURE and no-features. For tests; see docs/VALIDATION.md.
+    #[arg(long, value_name = "LIST", value_parser = emulated, default_value = "", hide_default_value = true)]
+    emulate: Emulated,
+}
+
+/// A list of [`GpuOptions::emulating`], and the options that it sets.
+#[derive(Clone, Debug, Default)]
+struct Emulated {
+    list: String,
+    options: GpuOptions,
+}
+
+/// Parses a list of emulated properties. An error is the text of the rule; clap adds option and value.
+fn emulated(list: &str) -> std::result::Result<Emulated, String> {
+    let rule = |error| match error {
+        Error::Invalid { why, .. } => why,
+        other => other.to_string(),
+    };
+    let options = GpuOptions::default().emulating(list).map_err(rule)?;
+    Ok(Emulated { list: list.to_string(), options })
 }
 
 impl DeviceArgs {
     /// Returns options of the device.
     pub(crate) fn options(&self) -> GpuOptions {
-        GpuOptions {
-            device: self.device.clone(),
-            as_hardware: self.as_hardware,
-            emulate_filter_weights: self.coarse_weights,
-            permute: self.permute,
-            ..GpuOptions::default()
-        }
+        GpuOptions { device: self.device.clone(), ..self.emulate.options.clone() }
+    }
+
+    /// Returns the arguments for another process that shall use the same device.
+    pub(crate) fn arguments(&self) -> Vec<String> {
+        let device = self.device.iter().map(|name| format!("--device={name}"));
+        device.chain([format!("--emulate={}", self.emulate.list)]).collect()
     }
 
     /// Opens the device, and returns it with its validation log, which outlives it.

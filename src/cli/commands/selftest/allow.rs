@@ -5,6 +5,8 @@ use std::cell::Cell;
 use serde::{Deserialize, Serialize};
 use volraster::{Error, Result};
 
+use crate::cli::outcome::id_of;
+
 /// An allowed message.
 #[derive(Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -64,12 +66,6 @@ impl Allowed {
     pub(super) fn unused(&self) -> Vec<&str> {
         self.0.iter().filter(|entry| entry.matched.get() == 0).map(|entry| entry.id.as_str()).collect()
     }
-}
-
-/// Returns the id in a message of the form `error ID: text`, without the prefix that newer layers have dropped.
-pub(super) fn id_of(message: &str) -> &str {
-    let id = message.split_whitespace().nth(1).map_or("", |id| id.trim_end_matches(':'));
-    id.strip_prefix("UNASSIGNED-").unwrap_or(id)
 }
 
 #[cfg(test)]

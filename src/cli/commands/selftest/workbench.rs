@@ -19,13 +19,18 @@ use crate::cli::input::DeviceArgs;
 pub(super) enum Stop {
     /// The device lacks a feature that the case needs.
     Skip(String),
+    /// The device refused, for a limit or a feature that it lacks.
+    Refused(String),
     /// The check failed.
     Fail(String),
 }
 
 impl From<Error> for Stop {
     fn from(error: Error) -> Self {
-        Self::Fail(error.to_string())
+        match error {
+            Error::Unsupported { .. } | Error::Memory { .. } => Self::Refused(error.to_string()),
+            _ => Self::Fail(error.to_string()),
+        }
     }
 }
 
@@ -66,17 +71,18 @@ impl Workbench {
 
     /// Opens a separate device under some validation.
     pub(super) fn open_under(&self, validation: Validation, options: GpuOptions) -> Result<Gpu> {
-        let GpuOptions { device, as_hardware, emulate_filter_weights, permute, .. } = self.device.options();
+        let given = self.device.options();
         Gpu::new(&GpuOptions {
-            device,
-            as_hardware,
-            emulate_filter_weights,
-            permute,
+            loop_limit: options.loop_limit.or(given.loop_limit),
+            storage_range: options.storage_range.or(given.storage_range),
+            allocation_size: options.allocation_size.or(given.allocation_size),
+            memory_budget: options.memory_budget.or(given.memory_budget),
+            command_buffer_by_pass: options.command_buffer_by_pass,
             validation,
             validation_log: Some(Arc::clone(&self.log)),
             no_pipeline_cache: true,
             poison: true,
-            ..options
+            ..given
         })
     }
 
