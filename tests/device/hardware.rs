@@ -6,9 +6,10 @@ use crate::common::*;
 use glam::DVec3;
 use volraster::GpuScene;
 use volraster::choice::{self, Goal, Profile};
-use volraster::gpu::{Gpu, GpuOptions};
-use volraster::scene::{Camera, Field, View};
-use volraster::technique::Renderer;
+use volraster::gpu::{Gpu, GpuOptions, OptionalFeature};
+use volraster::measure::ImageErrors;
+use volraster::scene::{Camera, Data, Field, View};
+use volraster::technique::{OptionInfo, Renderer, Technique};
 
 /// No image depends on the order in which workgroups run.
 #[test]
@@ -122,6 +123,48 @@ fn measure_turning() {
                     &format!(" {ms:.1} ms, {:+.1} MiB;", (now as f64 - begin as f64) / f64::from(1 << 20));
             }
             println!("{spec}:{line} of {} MiB", begin >> 20);
+        }
+    }
+}
+
+/// A device without a feature has the others, and draws the same or refuses by a limit.
+#[test]
+fn own_device_without_features_draws_by_fallbacks() {
+    let plain = gpu();
+    for feature in taken(3, OptionalFeature::ALL) {
+        let gpu = gpu_with(GpuOptions { without: vec![feature], ..GpuOptions::default() });
+        for other in OptionalFeature::ALL {
+            let follows =
+                other == OptionalFeature::OrderedStores && feature == OptionalFeature::FragmentStores;
+            assert_eq!(
+                gpu.has(other),
+                plain.has(other) && other != feature && !follows,
+                "{feature:?}, {other:?}"
+            );
+        }
+    }
+    let none = gpu_with(GpuOptions::default().emulating("no-features").unwrap());
+    assert!(!OptionalFeature::ALL.into_iter().any(|feature| none.has(feature)));
+    let view = view(perspective(), 1.0, 53, 41);
+    // Volumes of bytes need the filter of 16 bits where that of 8 is coarse.
+    let floats = scene(Field::Blobs, 16, "f32", &FOG);
+    for ((given, specs), (with_all, _)) in every_kind(&none).into_iter().zip(every_kind(&plain)) {
+        let is_grid = matches!(given.scene().data, Data::Grid(_));
+        let [given, with_all] = [(&none, given), (&plain, with_all)].map(|(gpu, given)| {
+            let mode = given.scene().mode.clone();
+            if is_grid { GpuScene::new(gpu, floats.clone().with_mode(mode).unwrap()) } else { given }
+        });
+        for spec in specs {
+            let technique = Technique::parse(&spec).unwrap();
+            let has_exact = |info: &OptionInfo| info.key == "filter" && info.words.contains(&"exact");
+            // Eight fetches replace a filter that is missing.
+            let exact = match technique.method().options().iter().any(has_exact) {
+                true => format!("{spec}{}filter=exact", if spec.contains(':') { "," } else { ":" }),
+                false => spec.clone(),
+            };
+            let (image, expected) = (draw_on(&given, &view, &spec), draw_on(&with_all, &view, &exact));
+            let errors = ImageErrors::between(&image, &expected).unwrap();
+            assert!(errors.non_finite == 0 && errors.all.rmse < 1e-6, "{spec}: {:e}", errors.all.rmse);
         }
     }
 }

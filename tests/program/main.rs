@@ -20,6 +20,7 @@ mod dependant;
 mod examples;
 mod films;
 mod gaussians;
+mod provoke;
 mod reports;
 mod selftest;
 mod splat_program;

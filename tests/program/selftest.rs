@@ -196,3 +196,24 @@ fn shards_of_googletest_take_each_test_once() {
     assert_eq!(code, Some(0), "{out}");
     assert!(out.contains("[==========] Running 0 tests from 0 test suites."), "{out}");
 }
+
+/// Refusals for an emulated limit are no failures, and the fallbacks of missing features draw.
+#[test]
+fn emulated_limits_show_fallbacks_and_refusals() {
+    let file = path("selftest-emulated.json");
+    let cases = ["--filter", "upload/slabs", "--filter", "draw/havs:route", "-o", file.to_str().unwrap()];
+    let emulated = ["--emulate", "no-features,loop=2000,subgroup=4,buffer=64KiB"];
+    let (code, out, err) = run(&[&emulated[..], &cases[..]].concat(), &[]);
+    assert_eq!(code, Some(0), "{out}{err}");
+    assert!(out.contains("the device lacks blend-rgba32f: accumulation in registers"), "{out}");
+    let drawn = report("selftest-emulated.json");
+    assert_eq!(status(&drawn, "upload/slabs:route=raster"), "skip");
+    assert_eq!(status(&drawn, "upload/slabs:route=compute"), "ok");
+    assert_eq!(status(&drawn, "draw/havs:route=compute"), "ok");
+    let (code, out, _) = run(&[&["--emulate", "memory=4KiB"], &cases[..]].concat(), &[]);
+    assert_eq!(code, Some(0), "{out}");
+    assert_eq!(status(&report("selftest-emulated.json"), "upload/slabs:route=compute"), "skip");
+    let (code, _, err) = run(&["--emulate", "loop=none"], &[]);
+    assert_eq!(code, Some(2), "{err}");
+    assert!(err.contains("\"loop=none\": must be as-hardware, ") && err.lines().count() == 1, "{err}");
+}

@@ -15,7 +15,9 @@ pub(super) const FAULTS: [Fault; 24] = [
         "a buffer of an empty list has 0 bytes",
         &["VUID-VkBufferCreateInfo-size-00912"],
         |ground| {
-            ground.bare_buffer(0, vk::BufferUsageFlags::STORAGE_BUFFER)?;
+            let buffer = ground.bare_buffer(0, vk::BufferUsageFlags::STORAGE_BUFFER)?;
+            // SAFETY: just made, unused.
+            unsafe { ground.device.destroy_buffer(buffer, None) };
             Ok(())
         },
     ),

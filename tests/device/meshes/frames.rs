@@ -220,7 +220,10 @@ fn own_device_what_the_device_cannot_hold_is_refused() {
     let view = view(perspective(), 1.0, 64, 64);
     let narrow = GpuOptions { storage_range: Some(64 << 10), ..GpuOptions::default() };
     for (options, part) in [
-        (GpuOptions { without: vec![OptionalFeature::BufferAddresses], ..narrow }, "limit of 65536"),
+        (
+            GpuOptions { without: vec![volraster::gpu::OptionalFeature::BufferAddresses], ..narrow },
+            "limit of 65536",
+        ),
         (GpuOptions { memory_budget: Some(500_000), ..GpuOptions::default() }, "budget"),
     ] {
         let gpu = gpu_with(options);
