@@ -49,6 +49,14 @@ fn main() {
     let given = given_constants(&files);
     write(&out.join("constants.rs"), numbers);
     let mut rust = String::from("// Written by build.rs from glsl/.\n\n");
+    let own = numbered.iter().filter(|((is_constant, _), _)| *is_constant);
+    let own = own.map(|((_, number), (name, _))| (*number, name.as_str()));
+    let given_names = given.iter().zip(FIRST_GIVEN..).map(|(name, number)| (number, name.as_str()));
+    let names: Vec<(u32, &str)> = own.chain(given_names).collect();
+    let _ = writeln!(
+        rust,
+        "/// Numbers of all specialisation constants, with their names.\npub(super) const SPEC_NAMES: &[(u32, &str)] = &{names:?};\n"
+    );
     let mut layouts = BTreeMap::new();
     let mut inputs = AllInputs::default();
     for file in &files {

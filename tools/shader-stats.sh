@@ -39,7 +39,7 @@ END
     for family in NAVI31 NAVI21 VEGA20; do
         printf '\n## %s\n\n' "$family"
         env RADV_FORCE_FAMILY="$family" NODEVICE_SELECT=1 LD_LIBRARY_PATH="$libraries${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}" \
-            VK_DRIVER_FILES="$scratch/radeon.json:$folder/lvp_icd.json" "$program" shaders --emulate as-hardware --device llvmpipe \
+            VK_DRIVER_FILES="$scratch/radeon.json:$folder/lvp_icd.json" "$program" pipelines --defaults --emulate as-hardware --device llvmpipe \
             --compile-on "$family" --columns \
             'VGPRs,SGPRs,Spilled VGPRs,Spilled SGPRs,LDS size,Scratch size,Subgroups per SIMD,Instructions,Latency,Inverse Throughput' \
             2>"$scratch/messages" | sed 's/subgroups per simd/occupancy/' || { cat "$scratch/messages" >&2 && exit 1; }

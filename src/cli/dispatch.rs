@@ -8,8 +8,8 @@ use clap::{Parser, Subcommand};
 #[cfg(feature = "window")]
 use crate::cli::commands::view;
 use crate::cli::commands::{
-    bench, calibrate, compare, convert, devices, info, provoke, reference, render, schema, selftest, shaders,
-    techniques,
+    bench, calibrate, compare, convert, devices, info, pipelines, provoke, reference, render, schema,
+    selftest, techniques,
 };
 use crate::cli::{interrupt, output};
 
@@ -53,8 +53,8 @@ enum Command {
     Selftest(selftest::Args),
     /// Commit faults that volume renderers make, and tell which the validation layer hears.
     Provoke(provoke::Args),
-    /// Print the driver's statistics of the shaders: registers, spills, occupancy, instructions.
-    Shaders(shaders::Args),
+    /// Build the pipelines of every technique without drawing; print their constants, build times and the driver's statistics.
+    Pipelines(pipelines::Args),
     /// Write a data file as NRRD (grids) or VTU (meshes and points).
     Convert(convert::Args),
 }
@@ -84,7 +84,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Schema => schema::run(),
         Command::Selftest(args) => args.run(quiet),
         Command::Provoke(args) => args.run(quiet),
-        Command::Shaders(args) => args.run(),
+        Command::Pipelines(args) => args.run(),
         Command::Convert(args) => args.run(quiet),
     };
     match outcome {

@@ -44,7 +44,7 @@ pub struct GpuOptions {
     pub emulate_filter_weights: bool,
     /// Whether workgroups take their work in reverse order. Images must not depend on the order. For tests.
     pub permute: bool,
-    /// Whether pipelines keep statistics of their shaders ([`Gpu::shader_statistics`](super::Gpu::shader_statistics)). An error
+    /// Whether pipelines keep statistics of their shaders ([`Gpu::pipeline_reports`](super::Gpu::pipeline_reports)). An error
     /// where the driver lacks `VK_KHR_pipeline_executable_properties`.
     pub shader_statistics: bool,
     /// Whether each pass of the crate's own submissions gets a command buffer of its own. Synchronization validation of

@@ -2,8 +2,11 @@
 
 use std::hash::{Hash, Hasher};
 use std::sync::{Mutex, OnceLock};
+use std::time::Duration;
 
 use ash::vk;
+
+use super::addressing::by_address;
 
 /// A specialisation constant: its number and its value; booleans are 0 and 1.
 pub(crate) type SpecConstant = (u32, u32);
@@ -90,6 +93,15 @@ pub(crate) struct PipelineKey {
     pub(super) state: Option<GraphicsState>,
 }
 
+impl PipelineKey {
+    /// Returns the words of a shader's module, in which large buffers are found by address.
+    pub(super) fn words(&self, shader: &Shader) -> Vec<u32> {
+        let words = shader.words();
+        // It could be rewritten for the layouts, too.
+        if self.addressed.is_empty() { words } else { by_address(&words, &self.addressed).unwrap_or(words) }
+    }
+}
+
 /// A pipeline with its layout. The device's table owns it, for the life of the device. It is built before the first recording that
 /// uses it, together with the others of the recording.
 #[derive(Debug, Default)]
@@ -97,6 +109,8 @@ pub(crate) struct Pipeline {
     pub(super) name: String,
     pub(super) key: PipelineKey,
     pub(super) raw: OnceLock<vk::Pipeline>,
+    /// How long the driver took to build it.
+    pub(super) build_time: OnceLock<Duration>,
     /// Held while the pipeline is being built.
     pub(super) building: Mutex<()>,
     pub(super) layout: vk::PipelineLayout,

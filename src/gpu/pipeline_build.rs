@@ -94,12 +94,14 @@ impl Gpu {
             return Ok(());
         }
         self.alive()?;
+        let start = Instant::now();
         let raw = match pipeline.key.state {
             Some(state) => self.build_graphics(&pipeline.key, state, pipeline.layout),
             None => self.build_compute(&pipeline.key, pipeline.layout),
         }?;
+        // They are empty, and only the holder of the lock sets them.
+        let _ = pipeline.build_time.set(start.elapsed());
         self.name(raw, &pipeline.name);
-        // It was empty, and only the holder of the lock sets it.
         let _ = pipeline.raw.set(raw);
         Ok(())
     }
@@ -260,11 +262,7 @@ struct Module<'a> {
 
 impl<'a> Module<'a> {
     fn new(gpu: &'a Gpu, shader: &'static Shader, key: &PipelineKey) -> Result<Self> {
-        let mut words = shader.words();
-        if !key.addressed.is_empty() {
-            // It was rewritten for the layouts, too.
-            words = by_address(&words, &key.addressed).unwrap_or(words);
-        }
+        let words = key.words(shader);
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the device is alive; the code was compiled for this version of Vulkan at build time. Where it was rewritten,
         // the device has buffers with addresses.

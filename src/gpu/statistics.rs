@@ -1,17 +1,41 @@
-//! Statistics of compiled shaders, such as registers and spills (`VK_KHR_pipeline_executable_properties`).
+//! Reports of pipelines: entries, constants and modules, build times, and the driver's statistics of the compiled shaders
+//! (`VK_KHR_pipeline_executable_properties`).
 
+use std::collections::BTreeSet;
 use std::ffi::CStr;
+use std::sync::Arc;
 
 use ash::vk;
 
 use super::device::Gpu;
+use super::pipeline::Pipeline;
+use super::shader::SPEC_NAMES;
+use super::specialise::{constants_of, specialised};
 use crate::error::{Error, Result};
+
+/// A built pipeline.
+#[derive(Clone, Debug)]
+pub struct PipelineReport {
+    /// Name: the technique and the pass that first used it.
+    pub name: String,
+    /// The shaders, a file of `glsl` and one of its entries each, such as `SLABS_COMPUTE`.
+    pub entries: Vec<&'static str>,
+    /// The specialisation constants that its shaders declare, by the names in `glsl`.
+    pub constants: Vec<(&'static str, u32)>,
+    /// Format of the colour attachment, and how it is blended; empty for compute.
+    pub target: String,
+    /// Milliseconds that the driver took to build it.
+    pub build_ms: f64,
+    /// What the compiler tells of each shader, on a device opened with
+    /// [`GpuOptions::shader_statistics`](super::GpuOptions::shader_statistics).
+    pub shaders: Vec<ShaderStatistics>,
+    /// SPIR-V of each entry, with the constants applied: the modules have no specialisation constants left.
+    pub modules: Vec<Vec<u32>>,
+}
 
 /// The statistics that a driver's compiler gives of one shader of a pipeline.
 #[derive(Clone, Debug)]
 pub struct ShaderStatistics {
-    /// Name of the pipeline: the technique and the pass that first used it.
-    pub pipeline: String,
     /// The driver's name of the shader, such as `Compute Shader`.
     pub shader: String,
     /// Invocations of a subgroup; 0 where the driver does not tell.
@@ -52,40 +76,62 @@ impl Gpu {
         self.build(own.collect::<Result<Vec<_>>>()?.iter())
     }
 
-    /// Returns statistics of the shaders of all pipelines so far, by name.
+    /// Returns reports of all pipelines built so far, by name and constants.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] for a device that was opened without [`GpuOptions::shader_statistics`](super::GpuOptions), and
     /// [`Error::Vulkan`] when a call fails.
-    pub fn shader_statistics(&self) -> Result<Vec<ShaderStatistics>> {
-        let Some(functions) = &self.inner.statistics else {
-            return Err(Error::invalid("statistics of shaders", "the device was opened without them"));
-        };
-        let mut all = Vec::new();
+    pub fn pipeline_reports(&self) -> Result<Vec<PipelineReport>> {
         let table = self.pipeline_table();
         let mut pipelines: Vec<_> = table.values().filter(|made| made.is_built()).collect();
-        pipelines.sort_by_key(|made| (made.name.clone(), made.key.constants.clone()));
-        for pipeline in pipelines {
-            let info = vk::PipelineInfoKHR::default().pipeline(pipeline.raw());
-            // SAFETY: the pipeline is alive and was made with the flag for statistics.
-            let executables = unsafe { functions.get_pipeline_executable_properties(&info) }
-                .map_err(|result| self.failed("vkGetPipelineExecutablePropertiesKHR", result))?;
-            for (index, executable) in (0_u32..).zip(&executables) {
-                let info =
-                    vk::PipelineExecutableInfoKHR::default().pipeline(pipeline.raw()).executable_index(index);
-                // SAFETY: as above; the pipeline has an executable of this index.
-                let found = unsafe { functions.get_pipeline_executable_statistics(&info) }
-                    .map_err(|result| self.failed("vkGetPipelineExecutableStatisticsKHR", result))?;
-                all.push(ShaderStatistics {
-                    pipeline: pipeline.name.clone(),
-                    shader: text(executable.name_as_c_str()),
-                    subgroup_size: executable.subgroup_size,
-                    values: found.iter().map(|one| (text(one.name_as_c_str()), value(one))).collect(),
-                });
-            }
-        }
-        Ok(all)
+        let names = |made: &Pipeline| made.key.shaders.iter().map(|shader| shader.name).collect::<Vec<_>>();
+        pipelines.sort_by_key(|made| (made.name.clone(), names(made), made.key.constants.clone()));
+        let report = |made: &&Arc<Pipeline>| {
+            let modules: Vec<Vec<u32>> =
+                made.key.shaders.iter().map(|shader| made.key.words(shader)).collect();
+            let declared: BTreeSet<u32> = modules.iter().flat_map(|words| constants_of(words)).collect();
+            let value = |number: u32| {
+                let given = made.key.constants.iter().find(|(other, _)| *other == number);
+                let name = SPEC_NAMES.iter().find(|(other, _)| *other == number);
+                Some((name?.1, given?.1))
+            };
+            Ok(PipelineReport {
+                name: made.name.clone(),
+                entries: names(made),
+                constants: declared.into_iter().filter_map(value).collect(),
+                target: made.key.state.map_or_else(String::new, |state| {
+                    state
+                        .format
+                        .map_or_else(|| "none".to_string(), |format| format!("{format:?} {:?}", state.blend))
+                }),
+                build_ms: made.build_time.get().map_or(0.0, |time| time.as_secs_f64() * 1e3),
+                shaders: self.statistics_of(made)?,
+                modules: modules.iter().map(|words| specialised(words, &made.key.constants)).collect(),
+            })
+        };
+        pipelines.iter().map(report).collect()
+    }
+
+    /// Returns what the compiler tells of a pipeline's shaders, if the device keeps it.
+    fn statistics_of(&self, pipeline: &Pipeline) -> Result<Vec<ShaderStatistics>> {
+        let Some(functions) = &self.inner.statistics else { return Ok(Vec::new()) };
+        let info = vk::PipelineInfoKHR::default().pipeline(pipeline.raw());
+        // SAFETY: the pipeline is alive and was made with the flag for statistics.
+        let executables = unsafe { functions.get_pipeline_executable_properties(&info) }
+            .map_err(|result| self.failed("vkGetPipelineExecutablePropertiesKHR", result))?;
+        let shader = |(index, executable): (u32, &vk::PipelineExecutablePropertiesKHR<'_>)| {
+            let info =
+                vk::PipelineExecutableInfoKHR::default().pipeline(pipeline.raw()).executable_index(index);
+            // SAFETY: as above; the pipeline has an executable of this index.
+            let found = unsafe { functions.get_pipeline_executable_statistics(&info) }
+                .map_err(|result| self.failed("vkGetPipelineExecutableStatisticsKHR", result))?;
+            Ok(ShaderStatistics {
+                shader: text(executable.name_as_c_str()),
+                subgroup_size: executable.subgroup_size,
+                values: found.iter().map(|one| (text(one.name_as_c_str()), value(one))).collect(),
+            })
+        };
+        (0..).zip(&executables).map(shader).collect()
     }
 }
 

@@ -1154,7 +1154,7 @@ fn wrong_options_are_named() {
     }
 }
 
-/// A plain scene builds one pipeline and takes the samples, the knots and the image; each thing more is asked for
+/// A plain march builds one pipeline and takes the samples, the knots and the image; each thing more is asked for
 /// by an option, and everything is given back.
 #[test]
 #[ignore = "make test-all"]
@@ -1177,8 +1177,18 @@ fn own_device_a_plain_scene_takes_what_it_needs() {
         (
             "slices-3d:",
             "f32",
-            &["bricks.mark", "slices-3d.march"],
-            vec![("bricks", 64 * 4), ("bricks.ranges", 64 * 8), march, knots, volume],
+            &["bricks.around", "bricks.mark", "slices-3d.march", "slices-3d.tiles"],
+            vec![
+                ("bricks", 64 * 4),
+                ("bricks.around", 64 * 4),
+                ("bricks.ranges", 64 * 8),
+                march,
+                // Of 8 x 8 pixels.
+                ("slices-3d.tiles", 8 * 6 * 8),
+                ("slices-3d.tiles.list", 8 * 6 * 4),
+                knots,
+                volume,
+            ],
         ),
         ("slices-3d:route=raster", "f32", &["slices-3d.draw"], vec![march, knots, volume]),
         (

@@ -720,21 +720,25 @@ fn memory_does_not_grow_with_frames() {
 }
 
 #[test]
-fn statistics_of_shaders_are_listed() {
+fn pipelines_are_listed_with_constants_modules_and_statistics() {
     let folder = Folder::new();
-    let run = folder.run("shaders --json");
-    if run.code == 3 {
-        assert!(run.err.contains("VK_KHR_pipeline_executable_properties"), "{}", run.err);
-        return;
+    let pipelines = folder.run("pipelines --defaults --json --spirv modules").done().json();
+    let pipelines = pipelines.as_array().unwrap();
+    let march = pipelines.iter().find(|one| one["pipeline"] == "slabs.march").unwrap();
+    assert_eq!(march["entries"], serde_json::json!(["SLABS_COMPUTE"]));
+    assert!(march["constants"].as_object().unwrap().contains_key("SPEC_INTEGRATOR"), "{march}");
+    assert!(march["build_ms"].as_f64().unwrap() > 0.0);
+    for shader in march["shaders"].as_array().unwrap() {
+        let statistics = shader["statistics"].as_object().unwrap();
+        assert!(statistics.values().any(|value| value.as_f64().unwrap() > 0.0), "{shader}");
     }
-    let shaders = run.done().json();
-    let shaders = shaders.as_array().unwrap();
-    let march = |shader: &&serde_json::Value| shader["pipeline"] == "slabs.march";
-    let statistics = shaders.iter().find(march).unwrap()["statistics"].as_object().unwrap();
-    assert!(statistics.values().any(|value| value.as_f64().unwrap() > 0.0), "{statistics:?}");
-    let table = folder.run("shaders").done().out;
-    assert!(table.lines().count() == shaders.len() + 2 && table.contains("| slabs.march | "), "{table}");
-    folder.run("shaders --columns gone").fails(2, &["--columns", "gone"]);
+    for file in pipelines.iter().flat_map(|one| one["spirv"].as_array().unwrap()) {
+        let bytes = std::fs::read(folder.path("modules").join(file.as_str().unwrap())).unwrap();
+        assert_eq!(&bytes[..4], &0x0723_0203_u32.to_le_bytes(), "{file} is no SPIR-V");
+    }
+    let table = folder.run("pipelines --defaults --columns entry,ms").done().out;
+    assert!(table.lines().count() >= pipelines.len() + 2 && table.contains("| slabs.march | "), "{table}");
+    folder.run("pipelines --defaults --columns gone").fails(2, &["--columns", "gone", "constants"]);
 }
 
 #[test]

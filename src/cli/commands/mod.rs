@@ -8,12 +8,12 @@ pub(crate) mod compare;
 pub(crate) mod convert;
 pub(crate) mod devices;
 pub(crate) mod info;
+pub(crate) mod pipelines;
 pub(crate) mod provoke;
 pub(crate) mod reference;
 pub(crate) mod render;
 pub(crate) mod schema;
 pub(crate) mod selftest;
-pub(crate) mod shaders;
 pub(crate) mod techniques;
 #[cfg(any(test, feature = "window"))]
 pub(crate) mod view;
