@@ -17,6 +17,7 @@ setup: ## Install what building and running need (Debian 12, Ubuntu 24.04)
 setup-tests:
 	@tools/setup.sh --tests
 
+build bench: export VOLRASTER_COMMIT ?= $(shell git describe --always --dirty --exclude "*" 2>/dev/null)
 build: setup ## Build the library and the program, optimised
 	$(CARGO) build --release $(ARGS)
 

@@ -21,6 +21,7 @@ mod outcome;
 mod output;
 mod plot;
 mod random;
+mod sensors;
 mod table;
 mod timing;
 

@@ -14,17 +14,26 @@ pub(crate) enum Failure {
     /// The command did its work and found something wrong.
     #[error("{0}")]
     Finding(String),
+    /// A comparison found an image that has changed.
+    #[error("{0}")]
+    Changed(String),
+    /// A comparison found a case that is slower.
+    #[error("{0}")]
+    Slower(String),
     /// The user interrupted the command.
     #[error("{0}")]
     Interrupted(String),
 }
 
 impl Failure {
-    /// Returns the exit code: 2 wrong input or usage, 3 no device or feature, 130 interrupted, 1 anything else.
+    /// Returns the exit code: 2 wrong input or usage, 3 no device or feature, 4 slower, 5 an image has changed, 130 interrupted, 1
+    /// anything else.
     pub(super) fn exit_code(&self) -> u8 {
         match self {
             Self::Error(error) => error.exit_code(),
             Self::Finding(_) => 1,
+            Self::Slower(_) => 4,
+            Self::Changed(_) => 5,
             Self::Interrupted(_) => interrupt::EXIT_CODE,
         }
     }

@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use volraster::technique::FrameTime;
 
@@ -104,13 +105,18 @@ fn middle_95(values: Vec<f64>) -> [f64; 2] {
 }
 
 /// Statistics of the times of a case, as written to results.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
 pub(crate) struct Quantiles {
+    /// The median.
     pub(crate) median: f64,
-    /// The 95 % confidence interval of the median, `low` to `high`.
+    /// Lower end of the 95 % confidence interval of the median (bootstrap).
     pub(crate) low: f64,
+    /// Upper end of it.
     pub(crate) high: f64,
+    /// The time that one in ten frames falls below.
     pub(crate) p10: f64,
+    /// The time that one in ten frames exceeds.
     pub(crate) p90: f64,
     /// The times in the order of the frames.
     pub(crate) times: Vec<f64>,

@@ -17,6 +17,14 @@ pub struct DeviceReport {
     pub driver: String,
     /// Vulkan version that the device supports.
     pub api: String,
+    /// The driver's identifier of the device, in hexadecimal digits.
+    pub uuid: String,
+    /// The name of the driver in Vulkan, such as `MESA_LLVMPIPE`.
+    pub driver_id: String,
+    /// The driver's version, in a form of its own.
+    pub driver_version: u32,
+    /// The identifiers of vendor and device, as buses have them.
+    pub ids: [u32; 2],
     /// Whether this device was chosen.
     pub chosen: bool,
     /// Why it was chosen or rejected.
@@ -110,13 +118,14 @@ fn orders_stores(driver: vk::DriverId) -> bool {
 /// Inspects a device and one of its queue families: `family`, or the first for graphics and compute.
 pub(super) fn inspect(instance: &ash::Instance, raw: vk::PhysicalDevice, family: Option<usize>) -> Candidate {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut identity = vk::PhysicalDeviceIDProperties::default();
     let mut properties2 = vk::PhysicalDeviceProperties2::default();
     // SAFETY: `raw` was enumerated from this instance.
     let properties = unsafe { instance.get_physical_device_properties(raw) };
     let new_enough = properties.api_version >= vk::API_VERSION_1_3;
     if properties.api_version >= vk::API_VERSION_1_2 {
-        properties2 = properties2.push_next(&mut driver);
-        // SAFETY: as above; the driver properties structure is core since 1.2.
+        properties2 = properties2.push_next(&mut driver).push_next(&mut identity);
+        // SAFETY: as above; the chained structures are core since 1.2.
         unsafe { instance.get_physical_device_properties2(raw, &mut properties2) };
     }
     let kind = match properties.device_type {
@@ -173,6 +182,10 @@ pub(super) fn inspect(instance: &ash::Instance, raw: vk::PhysicalDevice, family:
             kind,
             driver: driver_text.trim().to_string(),
             api: version_text(properties.api_version),
+            uuid: identity.device_uuid.iter().map(|byte| format!("{byte:02x}")).collect(),
+            driver_id: format!("{:?}", driver.driver_id),
+            driver_version: properties.driver_version,
+            ids: [properties.vendor_id, properties.device_id],
             chosen: false,
             reason: String::new(),
         },

@@ -98,13 +98,20 @@ fn a_folder_of_scenes_is_benched_with_tables_and_plots() {
     folder.write("scenes/grid.json", GRID);
     folder.write("scenes/mesh.json", MESH);
     folder.write("scenes/odd.json", "{\"volume\": 7}");
-    let Run { code, out, err, .. } = folder.run("bench scenes -o out --frames 2");
+    let Run { code, out, err, .. } = folder.run("bench scenes -o out --frames 2 --csv");
     assert_eq!(code, 0, "{err}");
     assert!(err.lines().count() == 1 && err.contains("skipped: ") && err.contains("odd.json"), "{err}");
     assert!(
         out.contains("fronts of grid.json perspective") && out.contains("fronts of mesh.json orthographic")
     );
     let cases = folder.json_lines("out/bench.jsonl");
+    assert_records(&folder, &cases);
+    let table = folder.text("out/bench.csv");
+    assert_eq!(table.lines().count(), cases.len() + 1);
+    assert!(
+        table.starts_with("scene,projection,width,height,")
+            && table.contains("\ngrid.json,perspective,24,16,grid,1728,")
+    );
     for (scene, kind, elements) in [("grid.json", "grid", 1728), ("mesh.json", "mesh", 40)] {
         let own: Vec<&Value> = cases.iter().filter(|case| case["scene"] == scene).collect();
         assert!(own.iter().all(|case| case["data"] == kind && case["elements"] == elements), "{scene}");
@@ -175,6 +182,27 @@ fn suites_are_chosen_by_name_and_sizes_have_a_plot() {
     folder.run("bench").fails(2, &["--output"]);
 }
 
+/// Records are as their schema says, in which every field has a description.
+fn assert_records(folder: &Folder, records: &[Value]) {
+    let schema = folder.run("bench --schema").done().json();
+    let parts = schema["$defs"].as_object().unwrap().values().chain([&schema]);
+    let properties = parts.flat_map(|part| part["properties"].as_object().unwrap());
+    let silent: Vec<&String> = properties
+        .filter(|(_, property)| property.get("description").is_none())
+        .map(|(name, _)| name)
+        .collect();
+    assert!(silent.is_empty(), "{silent:?}");
+    let schema = jsonschema::draft202012::new(&schema).unwrap();
+    for record in records {
+        let errors: Vec<String> = schema.iter_errors(record).map(|error| error.to_string()).collect();
+        assert!(errors.is_empty(), "{record}: {errors:?}");
+        assert_eq!(record["schema"], 1);
+        assert_eq!(record["run"]["device_uuid"].as_str().unwrap().len(), 32, "{record}");
+        let is_drawn = record.get("skipped").is_none() && record.get("failed").is_none();
+        assert_eq!(record["image"].as_str().map(str::len), is_drawn.then_some(16), "{record}");
+    }
+}
+
 /// A line of bench.jsonl.
 fn line(technique: &str, step: f64, times: &[f64]) -> String {
     let spread =
@@ -213,10 +241,22 @@ fn runs_are_compared_case_by_case() {
     assert_eq!(names, ["slices-3d", "raycast", "all"]);
     assert!(means.iter().all(|mean| near(&mean["ratio"], 2.0)), "{means:?}");
     assert!(text.contains("geometric mean") && text.contains("Timed in A alone: 1"), "{text}");
-    assert!(text.contains("5 of 5 cases"), "{text}");
+    assert!(text.contains("+ slower (5), - faster (0)") && text.contains("of 5 cases"), "{text}");
     // With itself nothing is beyond noise.
     let text = folder.run("bench --compare a.jsonl a.jsonl").done().out;
-    assert!(text.contains(": 0 of 6 cases"), "{text}");
+    assert!(text.contains("+ slower (0), - faster (0)") && text.contains("of 6 cases"), "{text}");
+
+    // Exit codes for programs that watch.
+    folder.run("bench --compare a.jsonl b.jsonl --fail-above 150%").done();
+    folder.run("bench --compare b.jsonl a.jsonl --fail-above 5%").done();
+    folder
+        .run("bench --compare a.jsonl b.jsonl --fail-above 5%")
+        .complains(4, &["5 cases slower by more than 5 %"]);
+    folder.write("c.jsonl", first[1].replace("0.001", "0.002"));
+    folder
+        .run("bench --compare a.jsonl c.jsonl --fail-above 5")
+        .complains(5, &["image of 1 case has changed", "grid"]);
+    folder.run("bench --compare a.jsonl b.jsonl --fail-above x").fails(2, &["--fail-above", "percentage"]);
 
     folder.write("broken.jsonl", format!("{}\nnonsense\n{}\n", first[0], first[1]));
     folder.write("other.jsonl", first[0].replace("grid", "other"));
@@ -252,6 +292,7 @@ fn a_run_that_is_stopped_keeps_what_it_has() {
     assert_eq!(output.status.code(), Some(130), "{err}");
     assert!(err.contains("stopped; partial results are in out"), "{err}");
     let cases = folder.json_lines("out/bench.jsonl");
+    assert_records(&folder, &cases);
     assert!(cases.iter().any(|case| case["scene"] == "1.json" && case.get("wall_ms").is_some()));
     assert!(folder.text("out/table.md").contains("was stopped"));
     assert!(folder.names("out").contains(&"fronts-1.json-perspective.svg".to_string()));

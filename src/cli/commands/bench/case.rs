@@ -3,25 +3,22 @@
 use std::sync::Arc;
 
 use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
 use volraster::measure::ImageErrors;
 use volraster::reference::ReferenceImage;
 use volraster::scene::{Data, View};
 use volraster::technique::{FrameTime, Method};
-use volraster::{GpuScene, Renderer, Result, Technique};
+use volraster::{GpuScene, Image, Renderer, Result, Technique};
 
 use super::record::Record;
 use super::required_k::RequiredK;
+use super::series::{Limits, Series};
 use super::sweeps::Setting;
 use crate::cli::in_flight::InFlight;
 use crate::cli::input::{self, is_refusal};
 use crate::cli::memory::device_bytes;
-use crate::cli::timing::{Quantiles, pass_medians};
-
-/// Time after which a case is not timed further, in milliseconds, once it has [`FEWEST`] frames.
-const ENOUGH_MS: f64 = 4000.0;
-
-/// Minimum number of timed frames per case.
-const FEWEST: usize = 5;
+use crate::cli::sensors::Reading;
+use crate::cli::timing::{Quantiles, Times, pass_medians};
 
 /// Above this RMSE an image is wrong, not merely coarse: half of the range.
 const WRONG: f64 = 0.5;
@@ -33,6 +30,11 @@ pub(super) struct Case {
     /// target format.
     drawing: Option<Box<InFlight>>,
     frames: Vec<FrameTime>,
+    series: Series,
+    limits: Limits,
+    /// Why frames were disturbed, the last reason.
+    why_disturbed: String,
+    readings: Vec<Reading>,
     /// Counters of a frame that was drawn to count.
     counts: Vec<(&'static str, u64)>,
     /// Frames in flight, one or two.
@@ -42,7 +44,12 @@ pub(super) struct Case {
 
 impl Case {
     /// Creates a case that is not yet checked. `view` has the properties that all cases of the view share.
-    pub(super) fn new(Setting { sweep, technique, route }: Setting, view: &Record, in_flight: u8) -> Self {
+    pub(super) fn new(
+        Setting { sweep, technique, route }: Setting,
+        view: &Record,
+        in_flight: u8,
+        limits: Limits,
+    ) -> Self {
         let options = match input::options_json(&technique) {
             Value::Object(options) => options,
             _ => serde_json::Map::new(),
@@ -56,7 +63,18 @@ impl Case {
             options,
             ..view.clone()
         };
-        Self { technique, drawing: None, frames: Vec::new(), counts: Vec::new(), in_flight, record }
+        Self {
+            technique,
+            drawing: None,
+            frames: Vec::new(),
+            series: Series::default(),
+            limits,
+            why_disturbed: String::new(),
+            readings: Vec::new(),
+            counts: Vec::new(),
+            in_flight,
+            record,
+        }
     }
 
     /// Returns technique and route; after the check, the route is that of the plan.
@@ -92,6 +110,7 @@ impl Case {
         self.record.route = frames.first().plan().route().to_string();
         let errors = ImageErrors::between_f64(&image, truth)?;
         self.record.errors = Some(json!(errors));
+        self.record.image = Some(digest(&image));
         // A NaN sample makes the RMSE infinite.
         let (non_finite, rmse) = (errors.non_finite, errors.all.rmse);
         self.record.wrong = rmse > WRONG;
@@ -129,36 +148,87 @@ impl Case {
         Ok(())
     }
 
-    /// Times one frame, unless the case has taken enough time.
-    pub(super) fn time(&mut self, view: &View) -> Result<()> {
-        if let Some(drawing) = &mut self.drawing {
-            let spent: f64 = self.frames.iter().map(|frame| frame.wall_ms).sum();
-            if self.frames.len() < FEWEST || spent < ENOUGH_MS {
-                self.frames.push(drawing.draw(view)?);
-            }
+    /// Returns whether more frames are to be timed.
+    pub(super) fn wants_more(&self) -> bool {
+        self.drawing.is_some() && self.series.wants_more(&self.limits)
+    }
+
+    /// Times a frame and returns its number, if more are wanted.
+    pub(super) fn time(&mut self, view: &View) -> Result<Option<usize>> {
+        if !self.wants_more() {
+            return Ok(None);
         }
-        Ok(())
+        let Some(drawing) = &mut self.drawing else { return Ok(None) };
+        let frame = drawing.draw(view)?;
+        let number = self.series.add(frame.wall_ms, &self.limits);
+        self.frames.push(frame);
+        Ok(Some(number))
+    }
+
+    /// Marks a frame as disturbed.
+    pub(super) fn disturb(&mut self, frame: usize, why: &str) {
+        self.series.disturb(frame);
+        self.why_disturbed = why.to_string();
+    }
+
+    /// Notes what sensors told at the end of a frame.
+    pub(super) fn sensed(&mut self, reading: Reading) {
+        self.readings.push(reading);
+    }
+
+    /// Returns the middle of what sensors told during the frames.
+    fn sensors(&self) -> Option<Reading> {
+        let middle = |of: fn(&Reading) -> Option<f64>| {
+            Times::new(self.readings.iter().filter_map(of).collect()).map(|values| values.median())
+        };
+        let last = self.readings.last()?;
+        let reading = Reading {
+            clock_mhz: middle(|reading| reading.clock_mhz),
+            temperature_c: middle(|reading| reading.temperature_c),
+            power_w: middle(|reading| reading.power_w),
+            throttled: self.readings.iter().find_map(|reading| reading.throttled.clone()),
+            governor: last.governor.clone(),
+        };
+        (reading != Reading::default()).then_some(reading)
     }
 
     /// Returns the record of the case.
     pub(super) fn finish(mut self, required_k: Option<&RequiredK>) -> Record {
+        let sensors = self.sensors();
         let of_plan = self.drawing.iter_mut().flat_map(|drawing| drawing.first().plan().counters());
         let of_frame = self.frames.last().into_iter().flat_map(|frame| frame.counters.iter().copied());
         let counted = self.counts.into_iter();
         let counters =
             of_plan.chain(of_frame).chain(counted).map(|(name, n)| (name.to_string(), json!(n))).collect();
-        let passes = pass_medians(&self.frames).into_iter().map(|(name, ms)| (name, json!(ms)));
+        let [after, disturbed] = self.series.disturbances();
+        let frames: Vec<FrameTime> =
+            self.series.counted(&self.limits).into_iter().map(|frame| self.frames[frame].clone()).collect();
+        let passes = pass_medians(&frames).into_iter().map(|(name, ms)| (name, json!(ms)));
         let required_k = required_k.filter(|_| self.technique.method() == Method::Havs);
         Record {
             counters,
             required_k: required_k.map(|required| json!(required)),
-            frames: self.drawing.as_ref().map(|_| self.frames.len()),
-            wall_ms: Quantiles::wall(&self.frames),
-            gpu_ms: Quantiles::gpu(&self.frames),
+            frames: self.drawing.as_ref().map(|_| frames.len()),
+            warm: self.series.warm(),
+            disturbed: (disturbed > 0)
+                .then(|| format!("{disturbed} of {after} frames, the last as {}", self.why_disturbed)),
+            sensors,
+            wall_ms: Quantiles::wall(&frames),
+            gpu_ms: Quantiles::gpu(&frames),
             passes_ms: passes.collect(),
             ..self.record
         }
     }
+}
+
+/// Returns the beginning of the SHA-256 of an image's samples.
+fn digest(image: &Image) -> String {
+    let mut hash = Sha256::new();
+    hash.update([image.width(), image.height()].map(u32::to_le_bytes).concat());
+    for sample in image.pixels().iter().flatten() {
+        hash.update(sample.to_le_bytes());
+    }
+    hash.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Returns the number of voxels, tetrahedra, points or splats.

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 use volraster::io::ReadOptions;
@@ -16,19 +16,31 @@ use volraster::{Error, Gpu, GpuScene, Result};
 
 use super::case::{Case, elements};
 use super::ratios::Ratios;
-use super::record::Record;
+use super::record::{self, Record, Run, SCHEMA};
 use super::required_k::RequiredK;
 use super::results::Results;
 use super::scenes::{SUITES, Suite};
+use super::series::Limits;
 use super::sweeps::{self, Sweep};
 use super::workload::{Opened, ViewCases, Workload, files_in};
 use crate::cli::cache::Cache;
 use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, Size, is_refusal};
+use crate::cli::load::Load;
 use crate::cli::outcome::{Failure, Outcome};
+use crate::cli::sensors::Sensors;
 use crate::cli::{interrupt, output};
 
-/// Timed frames per case of scenes that belong to no suite.
-const FRAMES: usize = 9;
+/// Least and most timed frames per case of scenes that belong to no suite.
+const FRAMES: [usize; 2] = [9, 45];
+
+/// Time after which a case is not timed further, in milliseconds, once it has its fewest frames.
+const ENOUGH_MS: f64 = 4000.0;
+
+/// Minimum number of timed frames of slow cases.
+const FEWEST: usize = 5;
+
+/// How long other work is watched before frames are judged by it: Linux counts it in steps of 10 ms.
+const WATCH: Duration = Duration::from_millis(300);
 
 /// Arguments of `bench`.
 #[derive(Debug, clap::Args)]
@@ -42,12 +54,21 @@ pub(crate) struct Args {
     arrays: ArraysArgs,
     /// Folder for the results: bench.jsonl (one line of JSON per case), fronts.json (times at equal error), table.md, and
     /// plots as SVG.
-    #[arg(short, long, value_name = "DIR", required_unless_present = "compare")]
+    #[arg(short, long, value_name = "DIR", required_unless_present_any = ["compare", "schema"])]
     output: Option<PathBuf>,
+    /// Also write bench.csv, a row per case.
+    #[arg(long)]
+    csv: bool,
+    /// Print the JSON Schema of a line of bench.jsonl, and measure nothing.
+    #[arg(long, exclusive = true)]
+    schema: bool,
     /// Compare two earlier runs instead of measuring: print the ratio of medians, with its 95 % confidence interval, for
     /// every case that both runs timed. With --output, write ratios.json there.
     #[arg(long, num_args = 2, value_names = ["A.jsonl", "B.jsonl"], conflicts_with_all = ["suite", "array", "data", "only", "frames", "size", "device", "no_cache"])]
     compare: Option<Vec<PathBuf>>,
+    /// With --compare: exit with 5 if an image has changed, else with 4 if a case is slower by more than this and beyond noise.
+    #[arg(long, value_name = "PERCENT", requires = "compare", value_parser = per_cent)]
+    fail_above: Option<f64>,
     /// Measure only scenes of a suite or folder whose names contain one of these texts.
     #[arg(long, value_name = "TEXT,...", value_delimiter = ',')]
     only: Vec<String>,
@@ -55,7 +76,8 @@ pub(crate) struct Args {
     /// volumes above 512 MiB, are skipped with a line on stderr.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Timed frames per case, after one warm-up frame [default: that of the suite, else 9]. Slow cases get fewer.
+    /// Timed frames per case, after one warm-up frame; slow cases get fewer. Without it each case is timed from when its times have
+    /// settled until its median is known within 1 %, within the limits of the suite.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
     frames: Option<u16>,
     /// Frames in flight: with 2 the host records one while the device draws the other, and the time of a frame is the mean of four.
@@ -82,22 +104,25 @@ impl Args {
         if let Some([a, b]) = self.compare.as_deref() {
             return self.ratios([a, b], quiet);
         }
+        if self.schema {
+            return Ok(output::print(&record::schema())?);
+        }
         let Some(folder) = &self.output else { return Ok(()) };
         output::check_folder(folder)?;
         let workloads = self.workloads(quiet)?;
         let (gpu, _) = self.device.open(false)?;
         output::make_folder(folder)?;
         let mut results = Results::begin(folder)?;
+        let run = Run::now(gpu.report());
         interrupt::watch();
-        let draws = |workload| Ok(self.frames_of(workload)?.1);
-        let draws = workloads.iter().map(draws).sum::<Result<u64>>()?;
-        let bar = output::progress(draws, "bench");
+        let cases = |workload: &Workload| Ok(2 * workload.case_count(self.size)? as u64);
+        let bar = output::progress(workloads.iter().map(cases).sum::<Result<u64>>()?, "bench");
         for workload in workloads.into_iter().take_while(|_| !interrupt::requested()) {
-            self.measure(&gpu, workload, &bar, &mut results, quiet)?;
+            self.measure(&gpu, &run, workload, &bar, &mut results, quiet)?;
         }
         bar.finish_and_clear();
         let is_stopped = interrupt::requested();
-        results.finish(is_stopped)?;
+        results.finish(is_stopped, self.csv)?;
         if is_stopped {
             let text = format!("stopped; partial results are in {}", folder.display());
             return Err(Failure::Interrupted(text));
@@ -129,7 +154,25 @@ impl Args {
         if !quiet || self.output.is_none() {
             output::print(&ratios.text())?;
         }
-        Ok(())
+        let Some(limit) = self.fail_above else { return Ok(()) };
+        let [changed, slower] = [ratios.changed(), ratios.slower(limit)];
+        let count = |names: &[String]| {
+            if names.len() == 1 { "1 case".to_string() } else { format!("{} cases", names.len()) }
+        };
+        if let Some(first) = changed.first() {
+            return Err(Failure::Changed(format!(
+                "the image of {} has changed, the first {first}",
+                count(&changed)
+            )));
+        }
+        match slower.first() {
+            Some(first) => {
+                let text =
+                    format!("{} slower by more than {} %, the first {first}", count(&slower), 100.0 * limit);
+                Err(Failure::Slower(text))
+            }
+            None => Ok(()),
+        }
     }
 
     /// Lists the scenes to measure.
@@ -183,24 +226,26 @@ impl Args {
         Ok(vec![Workload::File(name, Box::new(input))])
     }
 
-    /// Returns the number of timed frames per case, and an upper bound of the frames that the workload draws.
-    fn frames_of(&self, workload: &Workload) -> Result<(usize, u64)> {
+    /// Returns how many frames are timed per case.
+    fn limits(&self, workload: &Workload) -> Limits {
         let own = if let Workload::Standard(suite, _) = workload { suite.frames } else { FRAMES };
-        let frames = self.frames.map_or(own, usize::from);
-        Ok((frames, (workload.case_count(self.size)? * (frames + 1)) as u64))
+        let [fewest, most] = self.frames.map_or(own, |frames| [frames.into(); 2]);
+        let adapts = self.frames.is_none() && most > fewest;
+        Limits { fewest: fewest.min(if adapts { most } else { FEWEST }), most, enough_ms: ENOUGH_MS, adapts }
     }
 
     /// Measures every case of a workload, one view after the other.
     fn measure(
         &self,
         gpu: &Gpu,
+        run: &Run,
         workload: Workload,
         bar: &ProgressBar,
         results: &mut Results,
         quiet: bool,
     ) -> Result<()> {
-        let (frames, draws) = self.frames_of(&workload)?;
-        let end = bar.position() + draws;
+        let limits = self.limits(&workload);
+        let end = bar.position() + 2 * workload.case_count(self.size)? as u64;
         let is_found = matches!(workload, Workload::Found(..));
         let Opened { name, family, scene, views } = match workload.open(self.size) {
             // The user named the folder, not this file: skip it.
@@ -217,6 +262,8 @@ impl Args {
         {
             let device = gpu.report();
             let record = Record {
+                schema: SCHEMA,
+                run: run.clone(),
                 version: env!("CARGO_PKG_VERSION").to_string(),
                 device: device.name.clone(),
                 driver: device.driver.clone(),
@@ -232,7 +279,7 @@ impl Args {
             };
             bar.set_message(output::plain(&format!("{name} {projection}")));
             let Some((records, required_k)) =
-                self.measure_view(&scene, &view, &record, sweeps, frames, bar)?
+                self.measure_view(&scene, &view, &record, sweeps, limits, bar)?
             else {
                 return Ok(());
             };
@@ -254,14 +301,14 @@ impl Args {
         view: &View,
         record: &Record,
         sweeps: &[Sweep],
-        frames: usize,
+        limits: Limits,
         bar: &ProgressBar,
     ) -> Result<Option<(Vec<Record>, Option<RequiredK>)>> {
         let Some(truth) = truth(scene, view, &Cache::of_user(!self.no_cache))? else { return Ok(None) };
         let mut settings = sweeps::settings(sweeps)?;
         settings.retain(|setting| setting.is_for(scene.scene()));
         let mut cases: Vec<Case> =
-            settings.into_iter().map(|setting| Case::new(setting, record, self.in_flight)).collect();
+            settings.into_iter().map(|setting| Case::new(setting, record, self.in_flight, limits)).collect();
         let mut weighed = Vec::new();
         for case in &mut cases {
             if interrupt::requested() {
@@ -275,7 +322,7 @@ impl Args {
             case.count(scene, view)?;
             bar.inc(1);
         }
-        time(&mut cases, view, frames, bar)?;
+        time(&mut cases, view, scene.gpu(), bar)?;
         let required_k = match RequiredK::measure(scene, view) {
             _ if interrupt::requested() => None,
             Err(error) if is_refusal(&error) => None,
@@ -286,19 +333,80 @@ impl Args {
     }
 }
 
-/// Times cases in rounds of one frame each, in alternating directions, until the user requests a stop.
-fn time(cases: &mut [Case], view: &View, frames: usize, bar: &ProgressBar) -> Result<()> {
-    for round in 0..frames {
-        for i in 0..cases.len() {
+/// Times cases in rounds of one frame each, in alternating directions, until each has enough frames or the user requests a stop.
+fn time(cases: &mut [Case], view: &View, gpu: &Gpu, bar: &ProgressBar) -> Result<()> {
+    let mut watch = Watch::begin(gpu);
+    let mut open: Vec<usize> = (0..cases.len()).collect();
+    while !open.is_empty() {
+        for &place in &open {
             if interrupt::requested() {
                 return Ok(());
             }
-            let place = if round % 2 == 0 { i } else { cases.len() - 1 - i };
-            cases[place].time(view)?;
-            bar.inc(1);
+            if let Some(frame) = cases[place].time(view)? {
+                watch.frame(cases, place, frame);
+            }
         }
+        watch.judge(cases, false);
+        if open.iter().all(|&place| !cases[place].wants_more()) {
+            // The last frames may have to be repeated.
+            watch.judge(cases, true);
+        }
+        let before = open.len();
+        open.retain(|&place| cases[place].wants_more());
+        open.reverse();
+        bar.inc((before - open.len()) as u64);
     }
     Ok(())
+}
+
+/// Watches what disturbs frames: other programs' work on the processors of a software device, and a device that holds its clock down.
+struct Watch {
+    is_software: bool,
+    sensors: Option<Sensors>,
+    load: Option<Load>,
+    since: Instant,
+    /// The frames since, each with its case.
+    frames: Vec<(usize, usize)>,
+}
+
+impl Watch {
+    fn begin(gpu: &Gpu) -> Self {
+        Self {
+            is_software: gpu.is_software(),
+            sensors: Sensors::of(gpu.report()),
+            load: Load::watch(),
+            since: Instant::now(),
+            frames: Vec::new(),
+        }
+    }
+
+    /// Notes a frame that a case has drawn.
+    fn frame(&mut self, cases: &mut [Case], case: usize, frame: usize) {
+        if let Some(sensors) = &self.sensors {
+            let reading = sensors.read();
+            if let Some(why) = &reading.throttled {
+                cases[case].disturb(frame, &format!("the device was throttled: {why}"));
+            }
+            cases[case].sensed(reading);
+        }
+        self.frames.push((case, frame));
+        self.judge(cases, false);
+    }
+
+    /// Judges the frames since the last judgement, once these have taken long enough or `now`.
+    fn judge(&mut self, cases: &mut [Case], now: bool) {
+        if self.frames.is_empty() || (!now && self.since.elapsed() < WATCH) {
+            return;
+        }
+        let frames = std::mem::take(&mut self.frames);
+        if let Some(why) = self.load.as_ref().and_then(Load::note).filter(|_| self.is_software) {
+            for (case, frame) in frames {
+                cases[case].disturb(frame, &why);
+            }
+        }
+        self.load = Load::watch();
+        self.since = Instant::now();
+    }
 }
 
 /// Returns the reference image of a view, drawn on a thread of its own; `None` as soon as the user requests a stop.
@@ -313,6 +421,13 @@ fn truth(scene: &Arc<GpuScene>, view: &View, cache: &Cache) -> Result<Option<Ref
     }
     let ended = |_| invalid("reference", "its thread ended without an image".to_string());
     drawing.join().map_err(ended)?.map(Some)
+}
+
+/// Parses a percentage, with or without its sign; returns the fraction.
+fn per_cent(text: &str) -> std::result::Result<f64, String> {
+    let number = text.trim_end().trim_end_matches('%').trim_end().parse::<f64>().ok();
+    let number = number.filter(|number| (0.0..=1000.0).contains(number));
+    number.map(|number| number / 100.0).ok_or_else(|| "must be a percentage from 0 to 1000".to_string())
 }
 
 fn invalid(what: &str, why: String) -> Error {

@@ -13,6 +13,7 @@ mod record;
 mod required_k;
 mod results;
 mod scenes;
+mod series;
 mod sweeps;
 mod tables;
 mod workload;

@@ -29,7 +29,35 @@ pub(super) struct Pair<'a> {
     ratio: Ratio,
 }
 
+/// How much a time may differ and count as the same.
+const SAME: f64 = 0.03;
+
+/// Errors that differ by less may be those of one image that is rounded otherwise: relative and absolute.
+const NEAR: [f64; 2] = [1e-3, 1e-6];
+
 impl Pair<'_> {
+    /// Returns `slower`, `faster` or `same` where the interval of the ratio tells, else `ambiguous`.
+    fn class(&self) -> &'static str {
+        let Ratio { low, high, .. } = self.ratio;
+        match (low, high) {
+            _ if low > 1.0 && self.ratio.value > 1.0 + SAME => "slower",
+            _ if high < 1.0 && self.ratio.value < 1.0 / (1.0 + SAME) => "faster",
+            _ if low > 1.0 / (1.0 + 2.0 * SAME) && high < 1.0 + 2.0 * SAME => "same",
+            _ => "ambiguous",
+        }
+    }
+
+    /// Returns `same` for images that are the same to the bit, `near` if only their errors hardly differ, else `changed`.
+    fn image(&self) -> &'static str {
+        let [a, b] = self.records;
+        if a.image.is_some() && a.image == b.image {
+            return "same";
+        }
+        let [a, b] = self.records.map(|record| record.error("rmse").unwrap_or(f64::INFINITY));
+        let is_near = (a - b).abs() <= NEAR[1] + NEAR[0] * a.max(b);
+        if is_near || (a.is_infinite() && b.is_infinite()) { "near" } else { "changed" }
+    }
+
     fn technique(&self) -> &str {
         &self.records[0].technique
     }
@@ -68,6 +96,22 @@ impl<'a> Ratios<'a> {
         Self { alone: [ours.len() - pairs.len(), theirs.len()], pairs, devices: runs.map(device) }
     }
 
+    /// Returns the names of cases whose image has changed.
+    pub(super) fn changed(&self) -> Vec<String> {
+        self.pairs
+            .iter()
+            .filter(|pair| pair.image() == "changed")
+            .map(|pair| pair.names().join(" "))
+            .collect()
+    }
+
+    /// Returns the names of cases that are slower by more than a fraction: the whole interval is above 1, and the ratio above the
+    /// limit.
+    pub(super) fn slower(&self, limit: f64) -> Vec<String> {
+        let is_slower = |pair: &&Pair<'_>| pair.class() == "slower" && pair.ratio.value > 1.0 + limit;
+        self.pairs.iter().filter(is_slower).map(|pair| pair.names().join(" ")).collect()
+    }
+
     /// Returns the geometric mean of the ratios and the number of cases of each technique, then of all.
     fn means(&self) -> Vec<(&str, usize, Ratio)> {
         let mut names: Vec<&str> = Method::ALL.map(Method::name).to_vec();
@@ -95,16 +139,24 @@ impl<'a> Ratios<'a> {
             ratio if ratio.value > 1.0 => "+",
             _ => "-",
         };
+        let of_class = |class| match class {
+            "slower" => "+",
+            "faster" => "-",
+            "ambiguous" => "?",
+            _ => "",
+        };
         let cells =
             |ratio: &Ratio| [format!("{:.3}", ratio.value), format!("{:.3}..{:.3}", ratio.low, ratio.high)];
-        let heading = [&[""], &NAMES[..], &["ms A", "ms B", "B/A", "95 %", "rmse A", "rmse B"]].concat();
+        let heading =
+            [&[""], &NAMES[..], &["ms A", "ms B", "B/A", "95 %", "rmse A", "rmse B", "image"]].concat();
         let mut rows = vec![heading.into_iter().map(str::to_string).collect::<Vec<_>>()];
         for pair in &self.pairs {
-            let mut row = vec![mark(&pair.ratio).to_string()];
+            let mut row = vec![of_class(pair.class()).to_string()];
             row.extend(pair.names());
             row.extend(pair.times.each_ref().map(|times| format!("{:.2}", times.median())));
             row.extend(cells(&pair.ratio));
             row.extend(pair.records.map(|record| record.error_text("rmse")));
+            row.push(pair.image().to_string());
             rows.push(row);
         }
         let mut means = vec![["", "geometric mean", "cases", "B/A", "95 %"].map(str::to_string).to_vec()];
@@ -113,12 +165,16 @@ impl<'a> Ratios<'a> {
             row.extend(cells(&ratio));
             means.push(row);
         }
-        let outside = self.pairs.iter().filter(|pair| pair.ratio.outside_noise).count();
+        let count = |class| self.pairs.iter().filter(|pair| pair.class() == class).count();
         let mut text = format!(
-            "{}\n\n{}\n\n+ slower, - faster in B than in A, with a 95 % interval that excludes 1: {outside} of {} cases. Without any \
-             change, about 1 case in 20 is marked by chance.",
-            table::aligned(&rows, &[0, 1, 2, 4, 5, 6]),
+            "{}\n\n{}\n\n+ slower ({}), - faster ({}) in B than in A by more than {} %, with a 95 % interval that excludes 1; ? ambiguous \
+             ({}): the interval holds both 1 and such a change; of {} cases.",
+            table::aligned(&rows, &[0, 1, 2, 4, 5, 6, 13]),
             table::aligned(&means, &[0, 1]),
+            count("slower"),
+            count("faster"),
+            100.0 * SAME,
+            count("ambiguous"),
             self.pairs.len()
         );
         let [a, b] = &self.devices;
@@ -138,6 +194,8 @@ impl<'a> Ratios<'a> {
             }
             case["ms"] = json!(pair.times.each_ref().map(Times::median));
             case["rmse"] = json!(pair.records.map(|record| record.error("rmse")));
+            case["class"] = json!(pair.class());
+            case["image"] = json!(pair.image());
             case
         };
         let mean = |(name, count, ratio): &(&str, usize, Ratio)| {
@@ -190,7 +248,12 @@ mod tests {
             (&json!(true), &json!(false))
         );
         let text = ratios.text();
-        assert!(text.contains("2 of 3 cases") && text.contains("Timed in A alone: 1"), "{text}");
+        assert!(
+            text.contains("+ slower (2), - faster (0)") && text.contains("Timed in A alone: 1"),
+            "{text}"
+        );
+        assert_eq!((ratios.changed().len(), ratios.slower(0.5).len(), ratios.slower(1.5).len()), (1, 2, 0));
+        assert_eq!(json["cases"][2]["class"], "same");
         assert!(text.lines().nth(1).unwrap().starts_with("+  s"), "{text}");
     }
 
@@ -201,5 +264,35 @@ mod tests {
         let ratios = Ratios::new([&twice, &twice]);
         assert_eq!(ratios.pairs.len(), 2);
         assert!(ratios.pairs.iter().all(|pair| pair.ratio.value == 1.0));
+    }
+
+    #[test]
+    fn classes_follow_from_the_interval_and_images_from_digest_and_error() {
+        let spread = |centre: f64, part: f64| -> Vec<f64> {
+            (0..21).map(|i| centre * (1.0 + part * (f64::from(i) / 10.0 - 1.0))).collect()
+        };
+        let class = |b: &[f64]| {
+            let runs =
+                [spread(10.0, 0.02), b.to_vec()].map(|times| [case("raycast", "compute", "", 1e-3, &times)]);
+            Ratios::new(runs.each_ref().map(|run| &run[..])).pairs[0].class()
+        };
+        assert_eq!(class(&spread(10.0, 0.02)), "same");
+        assert_eq!(class(&spread(10.1, 0.02)), "same");
+        assert_eq!(class(&spread(11.0, 0.02)), "slower");
+        assert_eq!(class(&spread(9.0, 0.02)), "faster");
+        assert_eq!(class(&spread(10.4, 0.6)), "ambiguous");
+        let image = |rmse: [f64; 2], digests: [&str; 2]| {
+            let runs = [0, 1].map(|i| {
+                [Record {
+                    image: Some(digests[i].to_string()),
+                    ..case("raycast", "compute", "", rmse[i], &[1.0])
+                }]
+            });
+            Ratios::new(runs.each_ref().map(|run| &run[..])).pairs[0].image()
+        };
+        assert_eq!(image([1e-3, 1e-3], ["a", "a"]), "same");
+        assert_eq!(image([1e-3, 1.0005e-3], ["a", "b"]), "near");
+        assert_eq!(image([1e-7, 9e-7], ["a", "b"]), "near");
+        assert_eq!(image([1e-3, 1.1e-3], ["a", "b"]), "changed");
     }
 }

@@ -1,64 +1,160 @@
 //! A record: one line of bench.jsonl. Tables, plots and comparisons are made from records alone.
 
 use std::path::Path;
+use std::time::SystemTime;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
+use volraster::gpu::DeviceReport;
 use volraster::technique::Method;
 use volraster::{Error, Result};
 
+use crate::cli::sensors::Reading;
 use crate::cli::timing::{Quantiles, Times};
 
-/// The results of one technique with its options in one view of one scene.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+/// The version of the form of a record.
+pub(super) const SCHEMA: u32 = 1;
+
+/// The results of one technique with its options in one view of one scene: a line of bench.jsonl.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
+#[schemars(title = "Line of bench.jsonl", deny_unknown_fields)]
 pub(super) struct Record {
+    /// Version of this form: 1. Later versions may add fields; one that changes a field has another number.
+    pub(super) schema: u32,
+    /// Version of volraster.
     pub(super) version: String,
+    /// Name of the device.
     pub(super) device: String,
+    /// Name and version of the driver.
     pub(super) driver: String,
+    /// Version of Vulkan that the device supports.
     pub(super) api: String,
+    /// Whether the device is a processor.
     pub(super) software: bool,
+    /// What identifies the run, the device and the machine.
+    pub(super) run: Run,
+    /// Name of the scene.
     pub(super) scene: String,
     /// Name that scenes share which differ only in size.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) family: Option<String>,
+    /// Name of the view: its projection, or of several views a name of its own.
     pub(super) projection: String,
+    /// Width and height of the image in pixels.
     pub(super) size: [u32; 2],
-    /// `grid`, `mesh`, `points` or `gaussians`; `elements` is the number of voxels, tetrahedra, points or splats.
+    /// Kind of the data: `grid`, `mesh`, `points` or `gaussians`.
     pub(super) data: String,
+    /// Number of voxels, tetrahedra, points or splats.
     pub(super) elements: u64,
+    /// Name of the series of settings that the case belongs to.
     pub(super) sweep: String,
+    /// Technique.
     pub(super) technique: String,
+    /// The way in which the technique uses the device.
     pub(super) route: String,
+    /// All options of the technique, with their values.
     pub(super) options: Map<String, Value>,
     /// The option `step`, if it is a number.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) step: Option<Value>,
+    /// Errors relative to the float64 reference, over all channels and for each: `rmse`, `max_abs` and others; an infinite one is text.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) errors: Option<Value>,
+    /// The first 16 digits of the SHA-256 of the image, its samples as 32-bit floats: equal where two images are the same to the bit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) image: Option<String>,
+    /// Counters of the plan and of the device.
     #[serde(skip_serializing_if = "Map::is_empty")]
     pub(super) counters: Map<String, Value>,
+    /// Size of the k-buffer that pixels of a mesh need.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) required_k: Option<Value>,
-    /// Device memory of scene and frame alone, measured for the first case of each technique and route.
+    /// Bytes of device memory of scene and frame alone, measured for the first case of each technique and route.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) device_bytes: Option<u64>,
-    /// Number of timed frames.
+    /// Number of timed frames, without those that were disturbed unless too few others were left.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) frames: Option<usize>,
+    /// Number of frames that were drawn before their times had settled.
+    pub(super) warm: usize,
+    /// How many frames were disturbed, and by what; they were repeated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) disturbed: Option<String>,
+    /// Median of what sensors told during the frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) sensors: Option<Reading>,
+    /// Why the image is wrong.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) failed: Option<String>,
+    /// Why the case was not drawn.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) skipped: Option<String>,
+    /// Whether the target format is too imprecise for the scene.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(super) wrong: bool,
+    /// Milliseconds of a frame from the start of recording to the fence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) wall_ms: Option<Quantiles>,
+    /// Milliseconds of a frame on the device, where it has timestamps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) gpu_ms: Option<Quantiles>,
-    /// Median time of each pass, in milliseconds.
+    /// Median milliseconds of each pass.
     #[serde(skip_serializing_if = "Map::is_empty")]
     pub(super) passes_ms: Map<String, Value>,
+}
+
+/// What identifies a run, its device and its machine.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default)]
+#[schemars(deny_unknown_fields)]
+pub(super) struct Run {
+    /// Begin of the run in UTC, as RFC 3339 writes it.
+    pub(super) begin: String,
+    /// The revision that the program was built from, as `git describe` names it; null where `make build` did not build it.
+    pub(super) commit: Option<String>,
+    /// Arguments of the program.
+    pub(super) arguments: Vec<String>,
+    /// The driver's identifier of the device, in hexadecimal digits.
+    pub(super) device_uuid: String,
+    /// Name of the driver in Vulkan.
+    pub(super) driver_id: String,
+    /// Version of the driver, in a form of its own.
+    pub(super) driver_version: u32,
+    /// Operating system and, on Linux, the version of its kernel.
+    pub(super) system: String,
+    /// Model of the processor, on Linux.
+    pub(super) processor: String,
+    /// Number of processors that the program may use.
+    pub(super) processors: usize,
+}
+
+impl Run {
+    /// Returns the run that begins now on a device.
+    pub(super) fn now(device: &DeviceReport) -> Self {
+        let file = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
+        let release = file("/proc/sys/kernel/osrelease");
+        let model = file("/proc/cpuinfo").lines().find_map(|line| {
+            line.strip_prefix("model name").map(|rest| rest.trim_start_matches(['\t', ' ', ':']).to_string())
+        });
+        Self {
+            begin: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
+            commit: option_env!("VOLRASTER_COMMIT").filter(|commit| !commit.is_empty()).map(str::to_string),
+            arguments: std::env::args().skip(1).collect(),
+            device_uuid: device.uuid.clone(),
+            driver_id: device.driver_id.clone(),
+            driver_version: device.driver_version,
+            system: format!("{} {}", std::env::consts::OS, release.trim()).trim().to_string(),
+            processor: model.unwrap_or_default(),
+            processors: std::thread::available_parallelism().map_or(1, usize::from),
+        }
+    }
+}
+
+/// Returns the JSON Schema of a line of bench.jsonl.
+pub(super) fn schema() -> String {
+    format!("{:#}", json!(schemars::schema_for!(Record)))
 }
 
 impl Record {
@@ -93,6 +189,9 @@ impl Record {
     fn parse(line: &str) -> std::result::Result<Self, String> {
         let record: Self =
             serde_json::from_str(line).map_err(|error| format!("is not a record of bench.jsonl: {error}"))?;
+        if record.schema > SCHEMA {
+            return Err(format!("\"schema\": is {}; this version reads up to {SCHEMA}", record.schema));
+        }
         for (key, text) in
             [("scene", &record.scene), ("technique", &record.technique), ("route", &record.route)]
         {
@@ -106,6 +205,16 @@ impl Record {
             return Err("\"times\": must be numbers above 0".to_string());
         }
         Ok(record)
+    }
+
+    /// Returns whether the case was drawn: `ok`, `skipped`, `failed` or `wrong`.
+    pub(super) fn verdict(&self) -> &'static str {
+        match self {
+            Self { failed: Some(_), .. } => "failed",
+            Self { skipped: Some(_), .. } => "skipped",
+            Self { wrong: true, .. } => "wrong",
+            _ => "ok",
+        }
     }
 
     /// Returns the RMSE, unless the image is wrong.
@@ -199,13 +308,13 @@ pub(super) use tests::case;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
 
     /// Returns a record with times, for tests.
     pub(crate) fn case(technique: &str, route: &str, options: &str, rmse: f64, times: &[f64]) -> Record {
         let wanted = volraster::Technique::parse(&format!("{technique}:{options}")).unwrap();
         let Value::Object(options) = crate::cli::input::options_json(&wanted) else { panic!() };
         Record {
+            schema: SCHEMA,
             scene: "s".to_string(),
             projection: "perspective".to_string(),
             size: [64, 48],
@@ -256,6 +365,7 @@ mod tests {
         for (text, part) in [
             (String::new(), "no record"),
             ("{}\n".to_string(), "no \"scene\""),
+            (good.replace("\"schema\":1", "\"schema\":2"), "reads up to 1"),
             (good.replace("[1.0]", "[0.0]"), "above 0"),
             (good.replace(",\"times\":[1.0]", ""), "times"),
             (good.replace("[64,48]", "[64]"), "length 1"),

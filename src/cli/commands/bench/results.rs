@@ -63,12 +63,15 @@ impl Results {
         Ok(format!("{cases}\n\nfronts of {} {}\n{fronts}\n{required_k}", view.scene, view.projection))
     }
 
-    /// Writes table.md, fronts.json and the plots.
+    /// Writes table.md, fronts.json and the plots, and on demand bench.csv.
     ///
     /// # Errors
     ///
     /// [`Error::Io`] when a file cannot be written.
-    pub(super) fn finish(&self, is_interrupted: bool) -> Result<()> {
+    pub(super) fn finish(&self, is_interrupted: bool, with_csv: bool) -> Result<()> {
+        if with_csv {
+            volraster::io::write_text(self.folder.join("bench.csv"), &csv(&self.records))?;
+        }
         let charts = charts(&self.records);
         for Chart { name, picture, .. } in &charts {
             volraster::io::write_text(self.folder.join(format!("{name}.svg")), &picture.svg())?;
@@ -77,6 +80,53 @@ impl Results {
         volraster::io::write_text(self.folder.join("table.md"), &text)?;
         output::write_json(&self.folder.join("fronts.json"), &fronts_json(&self.records, &charts))
     }
+}
+
+/// Returns the records as comma-separated values, with a heading.
+fn csv(records: &[Record]) -> String {
+    const COLUMNS: &str = "scene,projection,width,height,data,elements,technique,route,options,rmse,max_abs,frames,median_ms,low_ms,high_ms,gpu_ms,device_bytes,verdict,image,device,driver,version,commit,begin";
+    let quoted = |text: &str| match text.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.to_string(),
+    };
+    let row = |record: &Record| {
+        let number = |number: Option<f64>| number.map_or_else(String::new, |number| number.to_string());
+        let wall = |pick: fn(&Quantiles) -> f64| number(record.wall_ms.as_ref().map(pick));
+        let verdict = match (&record.failed, &record.skipped, record.verdict()) {
+            (Some(why), ..) | (_, Some(why), _) => why.clone(),
+            (.., verdict) => verdict.to_string(),
+        };
+        let [technique, route, options] = record.names();
+        let cells = [
+            record.scene.clone(),
+            record.projection.clone(),
+            record.size[0].to_string(),
+            record.size[1].to_string(),
+            record.data.clone(),
+            record.elements.to_string(),
+            technique,
+            route,
+            options,
+            number(record.error("rmse")),
+            number(record.error("max_abs")),
+            record.frames.map_or_else(String::new, |frames| frames.to_string()),
+            wall(|ms| ms.median),
+            wall(|ms| ms.low),
+            wall(|ms| ms.high),
+            number(record.gpu_ms.as_ref().map(|ms| ms.median)),
+            record.device_bytes.map_or_else(String::new, |bytes| bytes.to_string()),
+            verdict,
+            record.image.clone().unwrap_or_default(),
+            record.device.clone(),
+            record.driver.clone(),
+            record.version.clone(),
+            record.run.commit.clone().unwrap_or_default(),
+            record.run.begin.clone(),
+        ];
+        cells.map(|cell| quoted(&cell)).join(",")
+    };
+    let rows = records.iter().map(row);
+    std::iter::once(COLUMNS.to_string()).chain(rows).map(|line| line + "\n").collect()
 }
 
 /// Returns a row of the table on stdout.
