@@ -151,7 +151,7 @@ fn own_device_without_features_draws_by_fallbacks() {
     for ((given, specs), (with_all, _)) in every_kind(&none).into_iter().zip(every_kind(&plain)) {
         let is_grid = matches!(given.scene().data, Data::Grid(_));
         let [given, with_all] = [(&none, given), (&plain, with_all)].map(|(gpu, given)| {
-            let mode = given.scene().mode.clone();
+            let mode = given.scene().mode;
             if is_grid { GpuScene::new(gpu, floats.clone().with_mode(mode).unwrap()) } else { given }
         });
         for spec in specs {

@@ -247,11 +247,11 @@ impl<'a> Ground<'a> {
         info: vk::DescriptorBufferInfo,
     ) {
         let kind = vk::DescriptorType::STORAGE_BUFFER;
-        let blocks = pipeline.bindings.iter().filter(|(_, of)| *of == kind).map(|(binding, _)| *binding);
+        let mut blocks = pipeline.bindings.iter().filter(|(_, of)| *of == kind).map(|(binding, _)| *binding);
         let infos = [info];
         let write = vk::WriteDescriptorSet::default()
             .dst_set(set)
-            .dst_binding(blocks.skip(block).next().unwrap_or_default())
+            .dst_binding(blocks.nth(block).unwrap_or_default())
             .descriptor_type(kind)
             .buffer_info(&infos);
         // SAFETY: a set of this device; what is wrong with the buffer is the fault.
