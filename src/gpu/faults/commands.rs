@@ -2,7 +2,7 @@
 
 use ash::vk;
 
-use super::Fault;
+use super::fault::Fault;
 use super::ground::{BYTES, FORMAT, Ground, SIDE};
 use super::synchronization::{Use, attachment, draw};
 use crate::gpu::shader::{FAULTS_COLOUR, FAULTS_VERTEX};
@@ -223,7 +223,7 @@ pub(super) const FAULTS: [Fault; 15] = [
 ];
 
 /// Submits a command buffer that fills a buffer.
-fn pending(ground: &Ground<'_>) -> Result<vk::CommandBuffer, super::Failure> {
+fn pending(ground: &Ground<'_>) -> Result<vk::CommandBuffer, super::fault::Failure> {
     let (_, commands) = ground.commands()?;
     ground.fill(commands, ground.buffer(BYTES)?);
     ground.run(commands)?;

@@ -2,7 +2,7 @@
 
 use ash::vk;
 
-use super::Fault;
+use super::fault::Fault;
 use super::ground::{BYTES, Ground, all_of};
 use super::synchronization::{Use, stored};
 use crate::gpu::pipeline::Pipeline;
@@ -187,7 +187,7 @@ pub(super) const FAULTS: [Fault; 12] = [
 fn remade(
     ground: &Ground<'_>,
     change: impl FnOnce(&mut Vec<(u32, vk::DescriptorType)>),
-) -> std::result::Result<vk::Pipeline, super::Failure> {
+) -> std::result::Result<vk::Pipeline, super::fault::Failure> {
     let right: std::sync::Arc<Pipeline> = ground.compute(&FAULTS_COPY)?;
     let mut bindings = right.bindings.clone();
     change(&mut bindings);

@@ -2,7 +2,7 @@
 
 use ash::vk;
 
-use super::Fault;
+use super::fault::Fault;
 use super::ground::{BYTES, FORMAT, Ground, SIDE, range};
 use super::synchronization::{sample, stored};
 use crate::gpu::feature::OptionalFeature;

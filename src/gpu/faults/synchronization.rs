@@ -3,8 +3,8 @@
 use ash::vk;
 use vk::PipelineStageFlags2 as Stage;
 
+use super::fault::{Failure, Fault, Outcome};
 use super::ground::{BYTES, FORMAT, Ground, Picture, SIDE, all_of};
-use super::{Fault, Outcome};
 use crate::gpu::pipeline::Pipeline;
 use crate::gpu::shader::{
     FAULTS_COLOUR, FAULTS_COPY, FAULTS_KBUFFER, FAULTS_SAMPLE, FAULTS_STORE, FAULTS_VERTEX,
@@ -231,7 +231,7 @@ pub(super) struct Use {
 
 impl Use {
     /// Stores into an image.
-    pub(super) fn of_image(ground: &Ground<'_>, picture: &Picture) -> Result<Self, super::Failure> {
+    pub(super) fn of_image(ground: &Ground<'_>, picture: &Picture) -> Result<Self, Failure> {
         let pipeline = ground.compute(&FAULTS_STORE)?;
         let set = ground.set(&pipeline)?;
         let layout = vk::ImageLayout::GENERAL;
@@ -240,7 +240,7 @@ impl Use {
     }
 
     /// Copies from one buffer to another.
-    pub(super) fn of_buffers(ground: &Ground<'_>) -> Result<Self, super::Failure> {
+    pub(super) fn of_buffers(ground: &Ground<'_>) -> Result<Self, Failure> {
         let pipeline = ground.compute(&FAULTS_COPY)?;
         let set = ground.set(&pipeline)?;
         let read = ground.buffer(BYTES)?;

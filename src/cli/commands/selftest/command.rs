@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use indicatif::ProgressBar;
 use serde::Serialize;
 use serde_json::json;
 use volraster::gpu::{DeviceReport, Fault, Validation};
@@ -12,9 +11,11 @@ use volraster::technique::Method;
 use volraster::{Error, Result};
 
 use super::allow::Allowed;
-use super::cases::{self, Case, Done, Status};
-use super::controls::{self, Controls};
+use super::cases::{Case, Done, Status};
+use super::catalogue::{END, all, names};
+use super::controls::Controls;
 use super::googletest::{self, Flags};
+use super::listener::{Lines, Listener, Place};
 use super::session;
 use super::sweeps;
 use super::workbench::{Stop, Workbench};
@@ -253,20 +254,6 @@ impl Args {
     }
 }
 
-/// The name of the case that destroys the shared device.
-const END: &str = "device/end";
-
-/// Returns every case but the checks of validation itself and the end of the device.
-fn all() -> Result<Vec<Case>> {
-    Ok(cases::all()?.into_iter().chain(sweeps::all()?).collect())
-}
-
-/// Returns the names of all cases in the order in which they run.
-pub(super) fn names() -> Result<Vec<String>> {
-    let cases = all()?.into_iter().map(|case| case.name);
-    Ok(controls::names().chain(cases).chain([END.to_string()]).collect())
-}
-
 /// The results of a run.
 struct Run {
     device: DeviceReport,
@@ -290,65 +277,5 @@ impl Run {
                 Err(Failure::Finding(format!("selftest: {failed} of {} cases failed", self.done.len())))
             }
         }
-    }
-}
-
-/// The device and the validation of a run.
-pub(super) struct Place<'a> {
-    device: &'a DeviceReport,
-    controls: &'a Controls,
-}
-
-impl Place<'_> {
-    /// Returns a line about the device and one about validation.
-    pub(super) fn lines(&self) -> [String; 2] {
-        let DeviceReport { name, driver, api, .. } = self.device;
-        let layer = self.controls.layer.as_deref().unwrap_or("none");
-        let device = format!("device: {name}, {driver}, Vulkan {api}; layer: {layer}");
-        [device, format!("validation: {}", self.controls.line())]
-    }
-}
-
-/// Is told of a run while it goes on.
-pub(super) trait Listener {
-    /// The device is open, and validation was checked.
-    fn place(&mut self, place: &Place<'_>) -> Result<()>;
-    /// A case begins.
-    fn begins(&mut self, case: &str) -> Result<()>;
-    /// A case has ended.
-    fn ends(&mut self, done: &Done) -> Result<()>;
-}
-
-/// Prints a line per case below a progress bar. Quiet runs print failures only.
-struct Lines {
-    bar: ProgressBar,
-    quiet: bool,
-}
-
-impl Listener for Lines {
-    fn place(&mut self, place: &Place<'_>) -> Result<()> {
-        if self.quiet {
-            return Ok(());
-        }
-        place.lines().iter().try_for_each(|line| self.bar.suspend(|| output::print(line)))
-    }
-
-    fn begins(&mut self, _: &str) -> Result<()> {
-        Ok(())
-    }
-
-    /// Prints the line of a case and one message of each id; the report has all messages.
-    fn ends(&mut self, done: &Done) -> Result<()> {
-        self.bar.inc(1);
-        if self.quiet && done.status != Status::Fail {
-            return Ok(());
-        }
-        self.bar.suspend(|| output::print(&done.line()))?;
-        for (i, message) in done.messages.iter().enumerate() {
-            if done.messages[..i].iter().all(|other| id_of(other) != id_of(message)) {
-                self.bar.suspend(|| output::print(&format!("     {}", output::plain(message))))?;
-            }
-        }
-        Ok(())
     }
 }

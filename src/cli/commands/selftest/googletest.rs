@@ -10,7 +10,7 @@ use volraster::io::{check_writable, write_text};
 use volraster::{Error, Result};
 
 use super::cases::{Done, Status};
-use super::command::{Listener, Place};
+use super::listener::{Listener, Place};
 use crate::cli::markup::escape_xml;
 use crate::cli::output::print;
 
@@ -443,7 +443,7 @@ fn invalid(what: &str, why: String) -> Error {
 
 #[cfg(test)]
 mod tests {
-    use super::super::command::names;
+    use super::super::catalogue::names;
     use super::*;
 
     #[test]
