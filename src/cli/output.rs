@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressFinish, ProgressStyle};
 use serde_json::Value;
+use sha2::{Digest, Sha256};
 use volraster::io::{Progress, ReadOptions, check_writable};
 use volraster::scene::View;
 use volraster::{Error, Result};
@@ -131,6 +132,11 @@ pub(crate) fn make_folder(path: &Path) -> Result<()> {
 /// Writes a JSON file, completely or not at all.
 pub(crate) fn write_json(path: &Path, value: &Value) -> Result<()> {
     volraster::io::write_text(path, &format!("{value:#}\n"))
+}
+
+/// Returns the first 16 hexadecimal digits of the SHA-256 of bytes.
+pub(crate) fn digest(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Removes the null members of a JSON object: quantities that were not measured.

@@ -1,5 +1,4 @@
-//! Clock, temperature, power and throttling of the device, and the governor of processors: what makes times of a run differ from those of
-//! another.
+//! Clock, temperature, power and throttling of the device, and the governor of processors, by which times differ from run to run.
 //!
 //! NVIDIA's library answers for its GPUs (NVML, loaded at run time where it is installed), files of Linux for those of the drivers amdgpu,
 //! xe and i915, and for processors.
@@ -14,7 +13,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use volraster::gpu::DeviceReport;
 
-/// What sensors tell at one time. What they do not tell is left out.
+/// A reading of sensors at one time. It leaves out values that they do not tell.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 #[schemars(deny_unknown_fields)]
@@ -40,7 +39,7 @@ pub(crate) struct Reading {
 pub(crate) enum Sensors {
     /// NVML, and the number of the device there.
     Nvidia(Box<Nvml>, u32),
-    /// The folder of a device of Linux' graphics drivers.
+    /// The folder of a card of Linux' graphics drivers.
     Card(PathBuf),
     /// The folder of Linux' processors.
     Processors(PathBuf),
@@ -123,19 +122,20 @@ fn card(folder: &Path, ids: [u32; 2]) -> Option<PathBuf> {
     let is_it = |card: &PathBuf| {
         ["vendor", "device"].map(|name| hexadecimal(card.join("device").join(name))) == ids.map(Some)
     };
-    entries(folder, "card").into_iter().find(is_it).map(|card| card.join("device"))
+    entries(folder, "card").into_iter().find(is_it)
 }
 
 fn read_card(folder: &Path) -> Reading {
-    let sensors = entries(&folder.join("hwmon"), "hwmon").into_iter().next().unwrap_or_default();
+    let device = folder.join("device");
+    let sensors = entries(&device.join("hwmon"), "hwmon").into_iter().next().unwrap_or_default();
     // amdgpu: its clock in Hz; xe and i915: in MHz.
     let clocks = [
         (sensors.join("freq1_input"), 1e-6),
-        (folder.join("tile0/gt0/freq0/act_freq"), 1.0),
-        (folder.join("drm/card0/gt_act_freq_mhz"), 1.0),
+        (device.join("tile0/gt0/freq0/act_freq"), 1.0),
+        (folder.join("gt_act_freq_mhz"), 1.0),
     ];
     // Each reason is a file that holds 1 while it applies.
-    let reasons = entries(&folder.join("tile0/gt0/freq0/throttle"), "reason_");
+    let reasons = entries(&device.join("tile0/gt0/freq0/throttle"), "reason_");
     let name = |path: &PathBuf| {
         let name = path.file_name()?.to_string_lossy().trim_start_matches("reason_").replace('_', " ");
         (number(path) == Some(1.0)).then_some(name)
@@ -192,6 +192,9 @@ mod tests {
                 ("card0/device/tile0/gt0/freq0/act_freq", "1950"),
                 ("card0/device/tile0/gt0/freq0/throttle/reason_thermal", "1"),
                 ("card0/device/tile0/gt0/freq0/throttle/reason_pl1", "0"),
+                ("card2/device/vendor", "0x8086"),
+                ("card2/device/device", "0x9a49"),
+                ("card2/gt_act_freq_mhz", "1300"),
                 ("version", "drm"),
             ],
         );
@@ -206,6 +209,8 @@ mod tests {
         assert_eq!(amd, want);
         let intel = read_card(&card(&folder, [0x8086, 0x56a0]).unwrap());
         assert_eq!((intel.clock_mhz, intel.throttled.as_deref()), (Some(1950.0), Some("thermal")));
+        let older = read_card(&card(&folder, [0x8086, 0x9a49]).unwrap());
+        assert_eq!((older.clock_mhz, older.throttled), (Some(1300.0), None));
         assert_eq!(card(&folder, [0x1002, 0x56a0]), None);
         fs::remove_dir_all(folder).unwrap();
     }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::device::Gpu;
-use super::pipeline::Pipeline;
+use super::pipeline::{Pipeline, PipelineKey};
 use super::shader::SPEC_NAMES;
 use super::specialise::{constants_of, specialised};
 use crate::error::{Error, Result};
@@ -26,11 +26,19 @@ pub struct PipelineReport {
     pub target: String,
     /// Milliseconds that the driver took to build it.
     pub build_ms: f64,
-    /// What the compiler tells of each shader, on a device opened with
+    /// Statistics of each shader by the driver's compiler, on a device opened with
     /// [`GpuOptions::shader_statistics`](super::GpuOptions::shader_statistics).
     pub shaders: Vec<ShaderStatistics>,
-    /// SPIR-V of each entry, with the constants applied: the modules have no specialisation constants left.
-    pub modules: Vec<Vec<u32>>,
+    key: PipelineKey,
+}
+
+impl PipelineReport {
+    /// Returns the SPIR-V of each entry, with the constants applied: the modules have no specialisation constants left.
+    #[must_use]
+    pub fn modules(&self) -> Vec<Vec<u32>> {
+        let key = &self.key;
+        key.shaders.iter().map(|shader| specialised(&key.words(shader), &key.constants)).collect()
+    }
 }
 
 /// The statistics that a driver's compiler gives of one shader of a pipeline.
@@ -87,9 +95,8 @@ impl Gpu {
         let names = |made: &Pipeline| made.key.shaders.iter().map(|shader| shader.name).collect::<Vec<_>>();
         pipelines.sort_by_key(|made| (made.name.clone(), names(made), made.key.constants.clone()));
         let report = |made: &&Arc<Pipeline>| {
-            let modules: Vec<Vec<u32>> =
-                made.key.shaders.iter().map(|shader| made.key.words(shader)).collect();
-            let declared: BTreeSet<u32> = modules.iter().flat_map(|words| constants_of(words)).collect();
+            let words = made.key.shaders.iter().map(|shader| made.key.words(shader));
+            let declared: BTreeSet<u32> = words.flat_map(|words| constants_of(&words)).collect();
             let value = |number: u32| {
                 let given = made.key.constants.iter().find(|(other, _)| *other == number);
                 let name = SPEC_NAMES.iter().find(|(other, _)| *other == number);
@@ -106,13 +113,13 @@ impl Gpu {
                 }),
                 build_ms: made.build_time.get().map_or(0.0, |time| time.as_secs_f64() * 1e3),
                 shaders: self.statistics_of(made)?,
-                modules: modules.iter().map(|words| specialised(words, &made.key.constants)).collect(),
+                key: made.key.clone(),
             })
         };
         pipelines.iter().map(report).collect()
     }
 
-    /// Returns what the compiler tells of a pipeline's shaders, if the device keeps it.
+    /// Returns the statistics of a pipeline's shaders, if the device keeps them.
     fn statistics_of(&self, pipeline: &Pipeline) -> Result<Vec<ShaderStatistics>> {
         let Some(functions) = &self.inner.statistics else { return Ok(Vec::new()) };
         let info = vk::PipelineInfoKHR::default().pipeline(pipeline.raw());

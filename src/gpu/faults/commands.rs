@@ -2,7 +2,7 @@
 
 use ash::vk;
 
-use super::fault::Fault;
+use super::fault::{Failure, Fault};
 use super::ground::{BYTES, FORMAT, Ground, SIDE};
 use super::synchronization::{Use, attachment, draw};
 use crate::gpu::shader::{FAULTS_COLOUR, FAULTS_VERTEX};
@@ -13,7 +13,7 @@ pub(super) const FAULTS: [Fault; 15] = [
         "a frame's command buffer is recorded again while the device still runs it",
         &["VUID-vkBeginCommandBuffer-commandBuffer-00049"],
         |ground| {
-            let commands = pending(ground)?;
+            let (_, commands) = pending(ground)?;
             // SAFETY: the fault is that it is pending.
             unsafe { ground.device.begin_command_buffer(commands, &vk::CommandBufferBeginInfo::default()) }?;
             Ok(ground.wait()?)
@@ -24,9 +24,7 @@ pub(super) const FAULTS: [Fault; 15] = [
         "a frame's command pool is reset while the device still runs its commands",
         &["VUID-vkResetCommandPool-commandPool-00040"],
         |ground| {
-            let (pool, commands) = ground.commands()?;
-            ground.fill(commands, ground.buffer(BYTES)?);
-            ground.run(commands)?;
+            let (pool, _) = pending(ground)?;
             // SAFETY: the fault is that its commands are pending.
             unsafe { ground.device.reset_command_pool(pool, vk::CommandPoolResetFlags::empty()) }?;
             Ok(ground.wait()?)
@@ -222,10 +220,10 @@ pub(super) const FAULTS: [Fault; 15] = [
     ),
 ];
 
-/// Submits a command buffer that fills a buffer.
-fn pending(ground: &Ground<'_>) -> Result<vk::CommandBuffer, super::fault::Failure> {
-    let (_, commands) = ground.commands()?;
+/// Submits a command buffer that fills a buffer; returns it with its pool.
+fn pending(ground: &Ground<'_>) -> Result<(vk::CommandPool, vk::CommandBuffer), Failure> {
+    let (pool, commands) = ground.commands()?;
     ground.fill(commands, ground.buffer(BYTES)?);
     ground.run(commands)?;
-    Ok(commands)
+    Ok((pool, commands))
 }

@@ -2,10 +2,9 @@
 
 use ash::vk;
 
-use super::fault::Fault;
+use super::fault::{Failure, Fault};
 use super::ground::{BYTES, Ground, all_of};
 use super::synchronization::{Use, stored};
-use crate::gpu::pipeline::Pipeline;
 use crate::gpu::shader::{FAULTS_COPY, FAULTS_OVERRUN};
 use crate::gpu::validation::Validation;
 
@@ -187,8 +186,8 @@ pub(super) const FAULTS: [Fault; 12] = [
 fn remade(
     ground: &Ground<'_>,
     change: impl FnOnce(&mut Vec<(u32, vk::DescriptorType)>),
-) -> std::result::Result<vk::Pipeline, super::fault::Failure> {
-    let right: std::sync::Arc<Pipeline> = ground.compute(&FAULTS_COPY)?;
+) -> Result<vk::Pipeline, Failure> {
+    let right = ground.compute(&FAULTS_COPY)?;
     let mut bindings = right.bindings.clone();
     change(&mut bindings);
     let entry = |&(binding, kind): &(u32, vk::DescriptorType)| {

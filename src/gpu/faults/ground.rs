@@ -348,6 +348,14 @@ pub(super) fn range(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange::default().aspect_mask(aspect).level_count(1).layer_count(1)
 }
 
+/// Returns the copy of an image's first rows from or into a buffer.
+pub(super) fn rows(height: u32) -> vk::BufferImageCopy {
+    let layers =
+        vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+    let extent = vk::Extent3D { width: SIDE, height, depth: 1 };
+    vk::BufferImageCopy::default().image_subresource(layers).image_extent(extent)
+}
+
 /// Returns a whole buffer for a descriptor.
 pub(super) fn all_of(buffer: vk::Buffer) -> vk::DescriptorBufferInfo {
     vk::DescriptorBufferInfo { buffer, offset: 0, range: vk::WHOLE_SIZE }

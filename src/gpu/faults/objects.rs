@@ -3,7 +3,7 @@
 use ash::vk;
 
 use super::fault::Fault;
-use super::ground::{BYTES, FORMAT, Ground, SIDE, range};
+use super::ground::{BYTES, FORMAT, Ground, SIDE, range, rows};
 use super::synchronization::{sample, stored};
 use crate::gpu::feature::OptionalFeature;
 use crate::gpu::shader::{FAULTS_KBUFFER, FAULTS_VERTEX};
@@ -215,10 +215,7 @@ pub(super) const FAULTS: [Fault; 24] = [
             let layout = vk::ImageLayout::GENERAL;
             ground.transition(commands, picture.image, [vk::ImageLayout::UNDEFINED, layout]);
             let buffer = ground.buffer(1 << 14)?;
-            let layers =
-                vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
-            let extent = vk::Extent3D { width: SIDE, height: SIDE + 1, depth: 1 };
-            let region = vk::BufferImageCopy::default().image_subresource(layers).image_extent(extent);
+            let region = rows(SIDE + 1);
             // SAFETY: the fault is the extent; the recording is not submitted.
             unsafe {
                 ground.device.cmd_copy_buffer_to_image(commands, buffer, picture.image, layout, &[region])
@@ -240,10 +237,7 @@ pub(super) const FAULTS: [Fault; 24] = [
                 [vk::ImageLayout::UNDEFINED, vk::ImageLayout::GENERAL],
             );
             let buffer = ground.buffer(1 << 14)?;
-            let layers =
-                vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
-            let extent = vk::Extent3D { width: SIDE, height: SIDE, depth: 1 };
-            let region = vk::BufferImageCopy::default().image_subresource(layers).image_extent(extent);
+            let region = rows(SIDE);
             let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
             // SAFETY: the fault is the layout; the recording is not submitted.
             unsafe {

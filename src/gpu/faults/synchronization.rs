@@ -4,7 +4,7 @@ use ash::vk;
 use vk::PipelineStageFlags2 as Stage;
 
 use super::fault::{Failure, Fault, Outcome};
-use super::ground::{BYTES, FORMAT, Ground, Picture, SIDE, all_of};
+use super::ground::{BYTES, FORMAT, Ground, Picture, SIDE, all_of, rows};
 use crate::gpu::pipeline::Pipeline;
 use crate::gpu::shader::{
     FAULTS_COLOUR, FAULTS_COPY, FAULTS_KBUFFER, FAULTS_SAMPLE, FAULTS_STORE, FAULTS_VERTEX,
@@ -113,10 +113,7 @@ pub(super) const FAULTS: [Fault; 10] = [
             let buffer = ground.buffer(u64::from(SIDE * SIDE) * 16)?;
             // SAFETY: rendering has begun.
             unsafe { ground.device.cmd_end_rendering(commands) };
-            let extent = vk::Extent3D { width: SIDE, height: SIDE, depth: 1 };
-            let layers =
-                vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
-            let region = vk::BufferImageCopy::default().image_extent(extent).image_subresource(layers);
+            let region = rows(SIDE);
             let layout = vk::ImageLayout::GENERAL;
             // SAFETY: recording; the buffer has the size of the image.
             unsafe {

@@ -1,6 +1,6 @@
 //! Frame after frame: the same image each time, other views, scalars and transfer functions, little room.
 
-use volraster::gpu::GpuOptions;
+use volraster::gpu::{GpuOptions, OptionalFeature};
 use volraster::measure::ImageErrors;
 use volraster::scene::{Camera, Field, Projection, Scene, TetScalars, View};
 use volraster::technique::Renderer;
@@ -220,10 +220,7 @@ fn own_device_what_the_device_cannot_hold_is_refused() {
     let view = view(perspective(), 1.0, 64, 64);
     let narrow = GpuOptions { storage_range: Some(64 << 10), ..GpuOptions::default() };
     for (options, part) in [
-        (
-            GpuOptions { without: vec![volraster::gpu::OptionalFeature::BufferAddresses], ..narrow },
-            "limit of 65536",
-        ),
+        (GpuOptions { without: vec![OptionalFeature::BufferAddresses], ..narrow }, "limit of 65536"),
         (GpuOptions { memory_budget: Some(500_000), ..GpuOptions::default() }, "budget"),
     ] {
         let gpu = gpu_with(options);

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 use volraster::measure::ImageErrors;
 use volraster::reference::ReferenceImage;
 use volraster::scene::{Data, View};
@@ -17,6 +16,7 @@ use super::sweeps::Setting;
 use crate::cli::in_flight::InFlight;
 use crate::cli::input::{self, is_refusal};
 use crate::cli::memory::device_bytes;
+use crate::cli::output;
 use crate::cli::sensors::Reading;
 use crate::cli::timing::{Quantiles, Times, pass_medians};
 
@@ -31,7 +31,6 @@ pub(super) struct Case {
     drawing: Option<Box<InFlight>>,
     frames: Vec<FrameTime>,
     series: Series,
-    limits: Limits,
     /// Why frames were disturbed, the last reason.
     why_disturbed: String,
     readings: Vec<Reading>,
@@ -67,8 +66,7 @@ impl Case {
             technique,
             drawing: None,
             frames: Vec::new(),
-            series: Series::default(),
-            limits,
+            series: Series::new(limits),
             why_disturbed: String::new(),
             readings: Vec::new(),
             counts: Vec::new(),
@@ -150,17 +148,14 @@ impl Case {
 
     /// Returns whether more frames are to be timed.
     pub(super) fn wants_more(&self) -> bool {
-        self.drawing.is_some() && self.series.wants_more(&self.limits)
+        self.drawing.is_some() && self.series.wants_more()
     }
 
-    /// Times a frame and returns its number, if more are wanted.
+    /// Times a frame and returns its number, if the case is drawn.
     pub(super) fn time(&mut self, view: &View) -> Result<Option<usize>> {
-        if !self.wants_more() {
-            return Ok(None);
-        }
         let Some(drawing) = &mut self.drawing else { return Ok(None) };
         let frame = drawing.draw(view)?;
-        let number = self.series.add(frame.wall_ms, &self.limits);
+        let number = self.series.add(frame.wall_ms);
         self.frames.push(frame);
         Ok(Some(number))
     }
@@ -171,12 +166,12 @@ impl Case {
         self.why_disturbed = why.to_string();
     }
 
-    /// Notes what sensors told at the end of a frame.
+    /// Notes a reading of sensors during the frames.
     pub(super) fn sensed(&mut self, reading: Reading) {
         self.readings.push(reading);
     }
 
-    /// Returns the middle of what sensors told during the frames.
+    /// Returns the medians of the readings of sensors.
     fn sensors(&self) -> Option<Reading> {
         let middle = |of: fn(&Reading) -> Option<f64>| {
             Times::new(self.readings.iter().filter_map(of).collect()).map(|values| values.median())
@@ -202,7 +197,7 @@ impl Case {
             of_plan.chain(of_frame).chain(counted).map(|(name, n)| (name.to_string(), json!(n))).collect();
         let [after, disturbed] = self.series.disturbances();
         let frames: Vec<FrameTime> =
-            self.series.counted(&self.limits).into_iter().map(|frame| self.frames[frame].clone()).collect();
+            self.series.counted().into_iter().map(|frame| self.frames[frame].clone()).collect();
         let passes = pass_medians(&frames).into_iter().map(|(name, ms)| (name, json!(ms)));
         let required_k = required_k.filter(|_| self.technique.method() == Method::Havs);
         Record {
@@ -221,14 +216,11 @@ impl Case {
     }
 }
 
-/// Returns the beginning of the SHA-256 of an image's samples.
+/// Returns the digest of an image's size and samples.
 fn digest(image: &Image) -> String {
-    let mut hash = Sha256::new();
-    hash.update([image.width(), image.height()].map(u32::to_le_bytes).concat());
-    for sample in image.pixels().iter().flatten() {
-        hash.update(sample.to_le_bytes());
-    }
-    hash.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+    let size = [image.width(), image.height()].into_iter().flat_map(u32::to_le_bytes);
+    let samples = image.pixels().iter().flatten().flat_map(|sample| sample.to_le_bytes());
+    output::digest(&size.chain(samples).collect::<Vec<u8>>())
 }
 
 /// Returns the number of voxels, tetrahedra, points or splats.

@@ -64,7 +64,7 @@ pub(crate) struct Args {
     schema: bool,
     /// Compare two earlier runs instead of measuring: print the ratio of medians, with its 95 % confidence interval, for
     /// every case that both runs timed. With --output, write ratios.json there.
-    #[arg(long, num_args = 2, value_names = ["A.jsonl", "B.jsonl"], conflicts_with_all = ["suite", "array", "data", "only", "frames", "size", "device", "no_cache"])]
+    #[arg(long, num_args = 2, value_names = ["A.jsonl", "B.jsonl"], conflicts_with_all = ["suite", "array", "data", "only", "frames", "size", "device", "no_cache", "csv"])]
     compare: Option<Vec<PathBuf>>,
     /// With --compare: exit with 5 if an image has changed, else with 4 if a case is slower by more than this and beyond noise.
     #[arg(long, value_name = "PERCENT", requires = "compare", value_parser = per_cent)]
@@ -346,13 +346,16 @@ fn time(cases: &mut [Case], view: &View, gpu: &Gpu, bar: &ProgressBar) -> Result
                 watch.frame(cases, place, frame);
             }
         }
-        watch.judge(cases, false);
-        if open.iter().all(|&place| !cases[place].wants_more()) {
-            // The last frames may have to be repeated.
-            watch.judge(cases, true);
-        }
         let before = open.len();
-        open.retain(|&place| cases[place].wants_more());
+        let wanting =
+            |cases: &[Case]| open.iter().copied().filter(|&place| cases[place].wants_more()).collect();
+        let mut next: Vec<usize> = wanting(cases);
+        if next.is_empty() {
+            // The last frames may have to be repeated.
+            watch.judge(cases);
+            next = wanting(cases);
+        }
+        open = next;
         open.reverse();
         bar.inc((before - open.len()) as u64);
     }
@@ -380,28 +383,27 @@ impl Watch {
         }
     }
 
-    /// Notes a frame that a case has drawn.
+    /// Notes a frame that a case has drawn, and judges it with those before once they have taken long enough.
     fn frame(&mut self, cases: &mut [Case], case: usize, frame: usize) {
-        if let Some(sensors) = &self.sensors {
-            let reading = sensors.read();
-            if let Some(why) = &reading.throttled {
-                cases[case].disturb(frame, &format!("the device was throttled: {why}"));
-            }
-            cases[case].sensed(reading);
-        }
         self.frames.push((case, frame));
-        self.judge(cases, false);
+        if self.since.elapsed() >= WATCH {
+            self.judge(cases);
+        }
     }
 
-    /// Judges the frames since the last judgement, once these have taken long enough or `now`.
-    fn judge(&mut self, cases: &mut [Case], now: bool) {
-        if self.frames.is_empty() || (!now && self.since.elapsed() < WATCH) {
-            return;
-        }
-        let frames = std::mem::take(&mut self.frames);
-        if let Some(why) = self.load.as_ref().and_then(Load::note).filter(|_| self.is_software) {
-            for (case, frame) in frames {
-                cases[case].disturb(frame, &why);
+    /// Judges the frames since the last judgement.
+    fn judge(&mut self, cases: &mut [Case]) {
+        let reading = self.sensors.as_ref().map(Sensors::read);
+        let throttled = reading.as_ref().and_then(|reading| reading.throttled.as_ref());
+        let throttled = throttled.map(|why| format!("the device was throttled: {why}"));
+        let loaded = self.load.as_ref().and_then(Load::note).filter(|_| self.is_software);
+        let why = throttled.or(loaded);
+        for (case, frame) in self.frames.drain(..) {
+            if let Some(why) = &why {
+                cases[case].disturb(frame, why);
+            }
+            if let Some(reading) = &reading {
+                cases[case].sensed(reading.clone());
             }
         }
         self.load = Load::watch();

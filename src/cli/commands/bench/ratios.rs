@@ -35,16 +35,22 @@ const SAME: f64 = 0.03;
 /// Errors that differ by less may be those of one image that is rounded otherwise: relative and absolute.
 const NEAR: [f64; 2] = [1e-3, 1e-6];
 
+/// Returns the class of a ratio and its mark: slower, faster or the same where the interval tells, else ambiguous.
+fn class(&Ratio { value, low, high, .. }: &Ratio) -> (&'static str, &'static str) {
+    if low > 1.0 && value > 1.0 + SAME {
+        ("slower", "+")
+    } else if high < 1.0 && value < 1.0 / (1.0 + SAME) {
+        ("faster", "-")
+    } else if low > 1.0 / (1.0 + 2.0 * SAME) && high < 1.0 + 2.0 * SAME {
+        ("same", "")
+    } else {
+        ("ambiguous", "?")
+    }
+}
+
 impl Pair<'_> {
-    /// Returns `slower`, `faster` or `same` where the interval of the ratio tells, else `ambiguous`.
     fn class(&self) -> &'static str {
-        let Ratio { low, high, .. } = self.ratio;
-        match (low, high) {
-            _ if low > 1.0 && self.ratio.value > 1.0 + SAME => "slower",
-            _ if high < 1.0 && self.ratio.value < 1.0 / (1.0 + SAME) => "faster",
-            _ if low > 1.0 / (1.0 + 2.0 * SAME) && high < 1.0 + 2.0 * SAME => "same",
-            _ => "ambiguous",
-        }
+        class(&self.ratio).0
     }
 
     /// Returns `same` for images that are the same to the bit, `near` if only their errors hardly differ, else `changed`.
@@ -134,24 +140,14 @@ impl<'a> Ratios<'a> {
 
     /// Returns the comparison as aligned text.
     pub(super) fn text(&self) -> String {
-        let mark = |ratio: &Ratio| match ratio {
-            ratio if !ratio.outside_noise => "",
-            ratio if ratio.value > 1.0 => "+",
-            _ => "-",
-        };
-        let of_class = |class| match class {
-            "slower" => "+",
-            "faster" => "-",
-            "ambiguous" => "?",
-            _ => "",
-        };
+        let mark = |ratio: &Ratio| class(ratio).1.to_string();
         let cells =
             |ratio: &Ratio| [format!("{:.3}", ratio.value), format!("{:.3}..{:.3}", ratio.low, ratio.high)];
         let heading =
             [&[""], &NAMES[..], &["ms A", "ms B", "B/A", "95 %", "rmse A", "rmse B", "image"]].concat();
         let mut rows = vec![heading.into_iter().map(str::to_string).collect::<Vec<_>>()];
         for pair in &self.pairs {
-            let mut row = vec![of_class(pair.class()).to_string()];
+            let mut row = vec![mark(&pair.ratio)];
             row.extend(pair.names());
             row.extend(pair.times.each_ref().map(|times| format!("{:.2}", times.median())));
             row.extend(cells(&pair.ratio));
@@ -161,7 +157,7 @@ impl<'a> Ratios<'a> {
         }
         let mut means = vec![["", "geometric mean", "cases", "B/A", "95 %"].map(str::to_string).to_vec()];
         for (name, count, ratio) in self.means() {
-            let mut row = vec![mark(&ratio).to_string(), name.to_string(), count.to_string()];
+            let mut row = vec![mark(&ratio), name.to_string(), count.to_string()];
             row.extend(cells(&ratio));
             means.push(row);
         }

@@ -33,7 +33,7 @@ pub(super) struct Record {
     pub(super) api: String,
     /// Whether the device is a processor.
     pub(super) software: bool,
-    /// What identifies the run, the device and the machine.
+    /// Identity of the run, the device and the machine.
     pub(super) run: Run,
     /// Name of the scene.
     pub(super) scene: String,
@@ -82,7 +82,7 @@ pub(super) struct Record {
     /// How many frames were disturbed, and by what; they were repeated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) disturbed: Option<String>,
-    /// Median of what sensors told during the frames.
+    /// Medians of the readings of sensors during the frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) sensors: Option<Reading>,
     /// Why the image is wrong.
@@ -105,7 +105,7 @@ pub(super) struct Record {
     pub(super) passes_ms: Map<String, Value>,
 }
 
-/// What identifies a run, its device and its machine.
+/// The identity of a run, its device and its machine.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 #[schemars(deny_unknown_fields)]
@@ -205,16 +205,6 @@ impl Record {
             return Err("\"times\": must be numbers above 0".to_string());
         }
         Ok(record)
-    }
-
-    /// Returns whether the case was drawn: `ok`, `skipped`, `failed` or `wrong`.
-    pub(super) fn verdict(&self) -> &'static str {
-        match self {
-            Self { failed: Some(_), .. } => "failed",
-            Self { skipped: Some(_), .. } => "skipped",
-            Self { wrong: true, .. } => "wrong",
-            _ => "ok",
-        }
     }
 
     /// Returns the RMSE, unless the image is wrong.

@@ -92,10 +92,8 @@ fn csv(records: &[Record]) -> String {
     let row = |record: &Record| {
         let number = |number: Option<f64>| number.map_or_else(String::new, |number| number.to_string());
         let wall = |pick: fn(&Quantiles) -> f64| number(record.wall_ms.as_ref().map(pick));
-        let verdict = match (&record.failed, &record.skipped, record.verdict()) {
-            (Some(why), ..) | (_, Some(why), _) => why.clone(),
-            (.., verdict) => verdict.to_string(),
-        };
+        let why = record.failed.as_ref().or(record.skipped.as_ref());
+        let verdict = why.map_or(if record.wrong { "wrong" } else { "ok" }, String::as_str);
         let [technique, route, options] = record.names();
         let cells = [
             record.scene.clone(),
@@ -115,7 +113,7 @@ fn csv(records: &[Record]) -> String {
             wall(|ms| ms.high),
             number(record.gpu_ms.as_ref().map(|ms| ms.median)),
             record.device_bytes.map_or_else(String::new, |bytes| bytes.to_string()),
-            verdict,
+            verdict.to_string(),
             record.image.clone().unwrap_or_default(),
             record.device.clone(),
             record.driver.clone(),

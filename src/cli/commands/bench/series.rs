@@ -11,7 +11,7 @@ const WINDOW: usize = 3;
 /// The half-width of the 95 % interval of the median, relative to it, at which the median counts as known.
 const KNOWN: f64 = 0.01;
 
-/// The parts of the frames and of the time that may go into warming up, and into frames that are disturbed.
+/// The part of the frames and of the time that may go into warming up, or into frames that are disturbed.
 const WASTE: f64 = 0.5;
 
 /// How many frames are timed.
@@ -29,8 +29,9 @@ pub(super) struct Limits {
 }
 
 /// The times of a case so far, in milliseconds.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Series {
+    limits: Limits,
     times: Vec<f64>,
     /// Whether other work or the device's clock disturbed the frame.
     disturbed: Vec<bool>,
@@ -40,12 +41,16 @@ pub(super) struct Series {
 }
 
 impl Series {
+    pub(super) fn new(limits: Limits) -> Self {
+        Self { limits, times: Vec::new(), disturbed: Vec::new(), warm: 0, has_settled: false }
+    }
+
     /// Adds a frame; returns its number.
-    pub(super) fn add(&mut self, ms: f64, limits: &Limits) -> usize {
+    pub(super) fn add(&mut self, ms: f64) -> usize {
         self.times.push(ms);
         self.disturbed.push(false);
         if !self.has_settled {
-            self.settle(limits);
+            self.settle();
         }
         self.times.len() - 1
     }
@@ -57,10 +62,10 @@ impl Series {
 
     /// Looks whether times have settled: the medians of the last two windows are alike. The earlier window and all before it then were
     /// warming up. Without that, half of the frames or of the time is given to it.
-    fn settle(&mut self, limits: &Limits) {
+    fn settle(&mut self) {
         let count = self.times.len();
         let spent: f64 = self.times.iter().sum();
-        if !limits.adapts {
+        if !self.limits.adapts {
             self.has_settled = true;
         } else if count >= 2 * WINDOW {
             let median = |from: usize| {
@@ -70,17 +75,17 @@ impl Series {
             self.has_settled = (after / before - 1.0).abs() < SETTLED;
             self.warm = count - WINDOW;
         }
-        if count as f64 >= WASTE * limits.most as f64 || spent > WASTE * limits.enough_ms {
+        if count as f64 >= WASTE * self.limits.most as f64 || spent > WASTE * self.limits.enough_ms {
             self.has_settled = true;
         }
     }
 
     /// Returns the numbers of the frames that count: those after warming up that were not disturbed, or all after it if too few are
     /// left.
-    pub(super) fn counted(&self, limits: &Limits) -> Vec<usize> {
+    pub(super) fn counted(&self) -> Vec<usize> {
         let all: Vec<usize> = (self.warm..self.times.len()).collect();
         let quiet: Vec<usize> = all.iter().copied().filter(|&frame| !self.disturbed[frame]).collect();
-        if quiet.len() >= limits.fewest.min(all.len()) { quiet } else { all }
+        if quiet.len() >= self.limits.fewest.min(all.len()) { quiet } else { all }
     }
 
     /// Returns the number of frames after warming up, and of those among them that were disturbed.
@@ -95,29 +100,32 @@ impl Series {
     }
 
     /// Returns whether more frames are to be timed.
-    pub(super) fn wants_more(&self, limits: &Limits) -> bool {
+    pub(super) fn wants_more(&self) -> bool {
         if self.times.is_empty() || !self.has_settled {
             return true;
         }
         let [after, disturbed] = self.disturbances();
         let quiet = after - disturbed;
         let spent: f64 = self.times[self.warm..].iter().sum();
-        if after < limits.fewest {
+        if after < self.limits.fewest {
             return true;
         }
         // Disturbed frames are repeated, but not for ever: where most are, nothing becomes quieter.
-        if quiet >= limits.most || after >= 2 * limits.most || (after >= limits.most && disturbed > quiet) {
+        if quiet >= self.limits.most
+            || after >= 2 * self.limits.most
+            || (after >= self.limits.most && disturbed > quiet)
+        {
             return false;
         }
-        if quiet < limits.fewest {
-            return spent < limits.enough_ms / WASTE;
+        if quiet < self.limits.fewest {
+            return spent < self.limits.enough_ms / WASTE;
         }
-        spent < limits.enough_ms && !(limits.adapts && self.is_known(limits))
+        spent < self.limits.enough_ms && !(self.limits.adapts && self.is_known())
     }
 
     /// Returns whether the median of the frames that count is known.
-    fn is_known(&self, limits: &Limits) -> bool {
-        let times = self.counted(limits).into_iter().map(|frame| self.times[frame]).collect();
+    fn is_known(&self) -> bool {
+        let times = self.counted().into_iter().map(|frame| self.times[frame]).collect();
         Times::new(times).is_some_and(|times| {
             let [low, high] = times.interval();
             high - low <= 2.0 * KNOWN * times.median()
@@ -134,10 +142,10 @@ mod tests {
 
     /// Adds frames until no more are wanted; `next` returns a time and whether the frame is disturbed.
     fn run(limits: &Limits, mut next: impl FnMut(usize) -> (f64, bool)) -> Series {
-        let mut series = Series::default();
-        while series.wants_more(limits) {
+        let mut series = Series::new(*limits);
+        while series.wants_more() {
             let (ms, disturbed) = next(series.times.len());
-            let frame = series.add(ms, limits);
+            let frame = series.add(ms);
             if disturbed {
                 series.disturb(frame);
             }
@@ -159,7 +167,7 @@ mod tests {
         let many = run(&LIMITS, |_| (noisy(), false));
         assert!(many.times.len() > 40, "{}", many.times.len());
         let median = |series: &Series| {
-            let counted = series.counted(&LIMITS);
+            let counted = series.counted();
             Times::new(counted.iter().map(|&frame| series.times[frame]).collect()).unwrap().median()
         };
         assert!((median(&few) / 10.0 - 1.0).abs() < 0.01 && (median(&many) / 10.0 - 1.0).abs() < 0.04);
@@ -175,7 +183,7 @@ mod tests {
         // A clock that falls by a third over ten frames.
         let series = run(&LIMITS, |i| (noise() * if i < 10 { 0.66 + 0.034 * i as f64 } else { 1.0 }, false));
         assert!((8..=14).contains(&series.warm()), "{}", series.warm());
-        assert!(series.counted(&LIMITS).iter().all(|&frame| series.times[frame] > 9.5));
+        assert!(series.counted().iter().all(|&frame| series.times[frame] > 9.5));
         // Fixed numbers of frames have no such time.
         let fixed = Limits { fewest: 4, most: 4, enough_ms: 1e5, adapts: false };
         let series = run(&fixed, |i| (10.0 + i as f64, false));
@@ -187,11 +195,11 @@ mod tests {
         let mut noise = noise(4, 0.01);
         let series =
             run(&LIMITS, |i| if (12..30).contains(&i) { (17.0, true) } else { (noise(), i % 5 == 4) });
-        let counted = series.counted(&LIMITS);
+        let counted = series.counted();
         assert!(counted.len() >= LIMITS.fewest && counted.iter().all(|&frame| !series.disturbed[frame]));
         // Where everything is disturbed, the case ends all the same, and all frames count.
         let series = run(&LIMITS, |_| (noise(), true));
         let [after, disturbed] = series.disturbances();
-        assert!(after == disturbed && after <= 2 * LIMITS.most && !series.counted(&LIMITS).is_empty());
+        assert!(after == disturbed && after <= 2 * LIMITS.most && !series.counted().is_empty());
     }
 }

@@ -1,8 +1,7 @@
-//! `volraster pipelines`: builds the pipelines of every technique, and prints what each consists of and what the driver's compiler tells
-//! of it.
+//! `volraster pipelines`: builds the pipelines of every technique, and prints entries, constants, build times and the driver's statistics
+//! of each.
 
 use std::collections::BTreeSet;
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
@@ -96,19 +95,17 @@ fn with_statistics(options: &GpuOptions) -> Result<Gpu> {
     }
 }
 
-/// Writes each module once and returns the files of each pipeline.
+/// Writes the modules, named after entry and content, and returns the files of each pipeline.
 fn write_modules(folder: &Path, reports: &[PipelineReport]) -> Result<Vec<Vec<String>>> {
     output::make_folder(folder)?;
-    let write = |(entry, words): (&&str, &Vec<u32>)| {
-        let mut hash = DefaultHasher::new();
-        words.hash(&mut hash);
-        let name = format!("{entry}-{:016x}.spv", hash.finish());
+    let write = |(entry, words): (&&str, Vec<u32>)| {
+        let bytes: Vec<u8> = words.into_iter().flat_map(u32::to_le_bytes).collect();
+        let name = format!("{entry}-{}.spv", output::digest(&bytes));
         let path = folder.join(&name);
-        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
         std::fs::write(&path, bytes).map_err(output::unwritable(&path))?;
         Ok(name)
     };
-    reports.iter().map(|report| report.entries.iter().zip(&report.modules).map(write).collect()).collect()
+    reports.iter().map(|report| report.entries.iter().zip(report.modules()).map(write).collect()).collect()
 }
 
 fn json_of(report: &PipelineReport, files: Option<&Vec<String>>) -> Value {

@@ -44,8 +44,8 @@ pub(super) fn prepare(gpu: &Gpu, every: bool) -> Result<()> {
 /// Prepares a frame, unless the device or the technique refuses it.
 fn try_one(scene: &Arc<GpuScene>, technique: Technique, view: &View, target: &TargetDesc) -> Result<()> {
     match Renderer::new(scene, technique).prepare(view, target) {
-        Ok(_) | Err(Error::Unsupported { .. } | Error::Invalid { .. }) => Ok(()),
-        Err(error) => Err(error),
+        Err(error) if !input::is_refusal(&error) => Err(error),
+        _ => Ok(()),
     }
 }
 

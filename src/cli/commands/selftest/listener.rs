@@ -1,4 +1,4 @@
-//! What is told of a run while it goes on.
+//! Listeners, which are told of a run while it goes on, and the one that prints lines.
 
 use indicatif::ProgressBar;
 use volraster::Result;
@@ -25,7 +25,7 @@ impl Place<'_> {
     }
 }
 
-/// Is told of a run while it goes on.
+/// A listener is told of a run while it goes on.
 pub(super) trait Listener {
     /// The device is open, and validation was checked.
     fn place(&mut self, place: &Place<'_>) -> Result<()>;
