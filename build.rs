@@ -101,6 +101,7 @@ fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
             let feature = match path.file_name().and_then(|name| name.to_str()) {
                 Some("window") => Some("CARGO_FEATURE_WINDOW"),
                 Some("faults") => Some("CARGO_FEATURE_TESTING"),
+                Some("peak") => Some("CARGO_FEATURE_CLI"),
                 _ => None,
             };
             if feature.is_none_or(|feature| env::var_os(feature).is_some()) {

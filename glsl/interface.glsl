@@ -1,7 +1,7 @@
 // Numbers that Rust and GLSL share: build.rs turns each `#define NAME n` into a Rust constant of the same name.
 //
 // Includes go down this list, as build.rs checks: shear-warp, grid, frame, primitives, shared, interface. mesh and splat stand beside
-// grid, on frame; gpu and resident use only shared. The path in an #include starts at glsl/. Every header includes what it uses,
+// grid, on frame; gpu, resident and peak use only shared. The path in an #include starts at glsl/. Every header includes what it uses,
 // and no macro of its includer changes what it means.
 #ifndef INTERFACE_GLSL
 #define INTERFACE_GLSL
@@ -81,6 +81,7 @@
 #define BINDING_COUNTS 73       // storage block: COUNTS_* words
 
 #define BINDING_PANEL 74        // storage block: corners of the triangles of a window's panel
+#define BINDING_STREAM 75       // storage block: what micro-benchmarks read
 
 #define BINDING_SCAN_WORDS 13   // storage block: words that are replaced by their prefix sums
 #define BINDING_SCAN_SUMS 14    // storage block: 64-bit sums of chunks of them
@@ -203,6 +204,12 @@
 #define COUNTS_SAMPLES 0
 #define COUNTS_FETCHES 2
 #define COUNTS_WORDS 4
+
+// Work of an invocation of a micro-benchmark, and the side of the volume that it samples.
+#define PEAK_FETCHES 128
+#define PEAK_ATOMICS 16
+#define PEAK_EXPONENTIALS 512
+#define PEAK_SIDE 64
 
 #define SHEETS 4          // slabs of splats that are accumulated at a time
 #define FOOTPRINT_PARTS 8 // intervals of a ray integral without a closed form, two points each

@@ -257,6 +257,14 @@ pub(crate) struct ProbePush {
     pub(crate) count: u32,
 }
 
+/// The push constants of the micro-benchmarks (`peak.glsl`).
+#[cfg(feature = "cli")]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct PeakPush {
+    pub(crate) count: u32,
+}
+
 /// The push constants of `scan.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

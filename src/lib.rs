@@ -13,6 +13,8 @@ pub mod io;
 pub mod measure;
 mod num;
 mod optics;
+#[cfg(feature = "cli")]
+pub mod peak;
 mod primitives;
 pub mod reference;
 mod replace;

@@ -21,6 +21,7 @@ mod outcome;
 mod output;
 mod plot;
 mod random;
+mod report;
 mod sensors;
 mod table;
 mod timing;

@@ -34,6 +34,11 @@ impl ImageDesc {
         Self { layers, ..Self::flat(format, extent, usage) }
     }
 
+    /// Returns the size of one texel, in bytes.
+    pub(crate) fn bytes_each(&self) -> u64 {
+        format_bytes(self.format)
+    }
+
     /// Returns the extent of a mip level.
     pub(crate) fn level_extent(&self, level: u32) -> [u32; 3] {
         self.extent.map(|side| (side >> level).max(1))

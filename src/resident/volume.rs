@@ -101,6 +101,11 @@ pub(crate) struct Volume {
 }
 
 impl Volume {
+    /// Returns the bytes of a sample on the device.
+    pub(crate) fn voxel_bytes(&self) -> u64 {
+        self.image.desc().bytes_each()
+    }
+
     /// Uploads the samples of a grid.
     ///
     /// `ends` are the first and last scalar of the transfer function, which infinite samples become.

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Rooms of `src/`, lower first. A room uses those before it.
-const ROOMS: [&str; 20] = [
+const ROOMS: [&str; 21] = [
     "num",
     "error",
     "image",
@@ -16,6 +16,7 @@ const ROOMS: [&str; 20] = [
     "reference",
     "gpu",
     "primitives",
+    "peak",
     "resident",
     "frame",
     "technique",
@@ -28,8 +29,9 @@ const ROOMS: [&str; 20] = [
 ];
 
 /// Rooms of `glsl/`, each with those that its files may include from. All may include `interface.glsl`.
-const SHADER_ROOMS: [(&str, &[&str]); 10] = [
+const SHADER_ROOMS: [(&str, &[&str]); 11] = [
     ("gpu", &["shared"]),
+    ("peak", &["shared"]),
     ("resident", &["shared"]),
     ("shared", &[]),
     ("primitives", &["shared"]),

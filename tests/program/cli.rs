@@ -611,8 +611,36 @@ fn bench_checks_each_case_and_times_it() {
     let mut files = folder.names("out");
     // Passes have a time where the device has timestamps.
     files.retain(|name| !name.starts_with("passes-scene-perspective."));
-    let fronts = ["fronts-scene-perspective.svg", "fronts.json"];
-    assert_eq!(files, [["bench.jsonl"].as_slice(), &fronts, &["table.md"]].concat());
+    assert_eq!(
+        files,
+        [
+            "bench.jsonl",
+            "fronts-scene-perspective.svg",
+            "fronts.json",
+            "peaks.json",
+            "report.html",
+            "roof-scene-perspective.svg",
+            "table.md"
+        ]
+    );
+    let peaks = folder.json("out/peaks.json");
+    for case in cases.iter().filter(|case| case.get("skipped").is_none()) {
+        // Each drawn case states what bounds it, and its share of that peak of the device.
+        let bound = &case["bound"];
+        let by = bound["by"].as_str().unwrap();
+        let least = bound["least_ms"][by].as_f64().unwrap();
+        assert!(least > 0.0 && peaks[by].as_f64().unwrap() > 1e4, "{case}");
+        let share = least / case["wall_ms"]["median"].as_f64().unwrap();
+        let timed = case.get("gpu_ms").is_none();
+        assert!(!timed || (bound["share"].as_f64().unwrap() / share - 1.0).abs() < 1e-9, "{case}");
+        let fetches = case["counters"].get("fetches").and_then(Value::as_f64);
+        let kinds: Vec<&String> = bound["least_ms"].as_object().unwrap().keys().collect();
+        let is_fetch = |kind: &&&String| kind.starts_with("filtered.") || kind.starts_with("texels.");
+        assert_eq!(kinds.iter().filter(is_fetch).count(), usize::from(fetches.is_some()), "{case}");
+        assert!(case["bytes"][1].as_u64().unwrap() >= 4 * 16 * 12, "{case}");
+    }
+    let report = folder.text("out/report.html");
+    assert!(report.contains("<svg") && report.contains("Peaks of the device"), "{report}");
     let fronts = folder.json("out/fronts.json");
     assert_eq!((&fronts[0]["scene"], &fronts[0]["projection"]), (&"scene".into(), &"perspective".into()));
     assert_eq!(fronts[0]["plot"], "fronts-scene-perspective.svg");

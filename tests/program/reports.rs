@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use crate::folder::{Folder, Run};
@@ -300,4 +301,51 @@ fn a_run_that_is_stopped_keeps_what_it_has() {
     for case in cases.iter().filter(|case| case["scene"] == "2.json") {
         assert!(case.get("wall_ms").is_some() || case.get("skipped").is_some(), "{case}");
     }
+}
+
+/// The profile of the Phoronix Test Suite: what its launcher prints is what its parsers look for.
+#[test]
+fn the_phoronix_profile_takes_a_line_per_case() {
+    let profile = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/phoronix");
+    let xml = std::fs::read_to_string(profile.join("results-definition.xml")).unwrap();
+    let all = |tag: &str| {
+        let (open, close) = (format!("<{tag}>"), format!("</{tag}>"));
+        let texts = xml.split(open.as_str()).skip(1).map(|rest| rest.split(close.as_str()).next().unwrap());
+        texts.map(str::to_string).collect::<Vec<String>>()
+    };
+    let [names, hints, templates] = ["AppendToArgumentsDescription", "LineHint", "OutputTemplate"].map(all);
+    assert!(names.len() > 20, "{names:?}");
+    for ((name, hint), template) in names.iter().zip(&hints).zip(&templates) {
+        assert_eq!((hint, template), (&format!("{name}:"), &format!("{name}: #_RESULT_# ms")));
+        assert_eq!(names.iter().filter(|other| *other == name).count(), 1, "{name}");
+    }
+
+    let folder = Folder::new();
+    let run = |command: &mut Command| {
+        let command = command.current_dir(folder.path("")).env_remove("LOG_FILE");
+        let output = command.env("VOLRASTER_PROGRAM", env!("CARGO_BIN_EXE_volraster")).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success(), "{text}{}", String::from_utf8_lossy(&output.stderr));
+        text
+    };
+    run(Command::new("sh").arg(profile.join("install.sh")));
+    assert_eq!(folder.text("install-exit-status").trim(), "0");
+    let arguments = "smoke --frames 1 --only blobs-tets-12 --size 48x48";
+    let text = run(Command::new("./volraster-bench").args(arguments.split(' ')));
+    let lines: Vec<&str> = text.lines().collect();
+    for line in &lines {
+        let (name, rest) = line.split_once(": ").unwrap();
+        let (time, of) = rest.split_once(" (blobs-tets-12, 48x48, ").unwrap();
+        let ms = time.strip_suffix(" ms").and_then(|ms| ms.parse::<f64>().ok());
+        assert!(!name.is_empty() && of.ends_with(')'), "{line}");
+        assert!(ms.is_some_and(|ms| ms > 0.0) || time == "-", "{line}");
+    }
+    let seen = |hint: &&String| lines.iter().any(|line| line.starts_with(hint.as_str()));
+    for hint in &hints {
+        // The suite searches whole lines, and takes the first.
+        assert!(lines.iter().filter(|line| line.contains(hint.as_str())).count() <= 1, "{hint}: {text}");
+    }
+    let seen: Vec<&String> = hints.iter().filter(seen).collect();
+    assert!(seen.len() >= 6, "{seen:?} of {text}");
+    assert!(folder.text("pts-footnote").contains(" on "));
 }

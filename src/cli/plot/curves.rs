@@ -1,7 +1,18 @@
 //! Curves over logarithmic axes.
 
 use super::axis::{bounds, share, ticks};
-use super::picture::{DISC, FRAME, GRID, INK, LINE, Picture, Titles, style, text_width};
+use super::picture::{DISC, FRAME, GREY, GRID, INK, LINE, Picture, Titles, style, text_width};
+
+/// The stroke of a curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Stroke {
+    Solid,
+    Dashed,
+    /// Marks alone.
+    None,
+    /// A grey line with its name at its end, to read others by. It does not widen the axes.
+    Guide,
+}
 
 /// A named curve, with further points around it.
 #[derive(Debug)]
@@ -9,7 +20,7 @@ pub(crate) struct Series {
     pub(crate) name: String,
     /// Index of colour and mark, the same for a technique in all charts.
     pub(crate) style: usize,
-    pub(crate) dashed: bool,
+    pub(crate) stroke: Stroke,
     /// Points joined in this order, with a mark at each.
     pub(crate) line: Vec<[f64; 2]>,
     /// Points drawn small and pale, not joined.
@@ -25,11 +36,12 @@ pub(crate) fn curves(titles: &Titles, mut series: Vec<Series>) -> Option<Picture
         one.dots.retain(shown);
     }
     series.retain(|one| !one.line.is_empty());
-    let points = || series.iter().flat_map(|one| one.line.iter().chain(&one.dots));
+    let own = || series.iter().filter(|one| one.stroke != Stroke::Guide);
+    let points = || own().flat_map(|one| one.line.iter().chain(&one.dots));
     let [across, up] = [0, 1].map(|axis| bounds(points().map(move |point| point[axis])));
     let (across, up) = (across?, up?);
 
-    let legend = series.iter().map(|one| text_width(&one.name)).fold(0.0, f64::max) + 44.0;
+    let legend = own().map(|one| text_width(&one.name)).fold(0.0, f64::max) + 44.0;
     let (left, top, bottom) = (78.0, 66.0, 470.0);
     let right = left + 600.0;
     let mut picture = Picture::new([right + 22.0 + legend, 524.0], titles);
@@ -59,21 +71,49 @@ pub(crate) fn curves(titles: &Titles, mut series: Vec<Series>) -> Option<Picture
     for one in &series {
         let (colour, mark) = style(one.style);
         let solid = (colour, 1.0);
-        if one.line.len() > 1 {
-            picture.line(&one.line.iter().map(place).collect::<Vec<_>>(), 2.0, solid, one.dashed);
+        let points: Vec<[f64; 2]> = one.line.iter().map(place).collect();
+        match one.stroke {
+            Stroke::Guide => {
+                let ends = within(&points, [left, right], [top, bottom]);
+                picture.line(&ends, 1.0, GREY, false);
+                if let Some([x, y]) = ends.last() {
+                    picture.text(&one.name, [x - 6.0, y + 14.0], "end", GREY);
+                }
+                continue;
+            }
+            Stroke::Solid | Stroke::Dashed if points.len() > 1 => {
+                picture.line(&points, 2.0, solid, one.stroke == Stroke::Dashed);
+            }
+            _ => {}
         }
         for point in &one.line {
             picture.mark(mark, place(point), 4.0, solid);
         }
     }
-    for (i, one) in (0_u32..).zip(&series) {
+    for (i, one) in (0_u32..).zip(own()) {
         let (at, y) = (right + 18.0, top + 10.0 + LINE * f64::from(i));
         let (colour, mark) = style(one.style);
-        picture.line(&[[at, y], [at + 26.0, y]], 2.0, (colour, 1.0), one.dashed);
+        let sample = [[at, y], [at + 26.0, y]];
+        if one.stroke != Stroke::None {
+            picture.line(&sample, 2.0, (colour, 1.0), one.stroke == Stroke::Dashed);
+        }
         picture.mark(mark, [at + 13.0, y], 4.0, (colour, 1.0));
         picture.text(&one.name, [at + 34.0, y + 4.5], "start", INK);
     }
     Some(picture)
+}
+
+/// Returns the part of a straight line between two points that lies within a frame.
+fn within(points: &[[f64; 2]], x: [f64; 2], y: [f64; 2]) -> Vec<[f64; 2]> {
+    let &[from, to] = points else { return Vec::new() };
+    let (mut begin, mut end) = (0.0_f64, 1.0_f64);
+    for (axis, [low, high]) in [x, y].into_iter().enumerate() {
+        let step = to[axis] - from[axis];
+        let [a, b] = [(low - from[axis]) / step, (high - from[axis]) / step];
+        (begin, end) = (begin.max(a.min(b)), end.min(a.max(b)));
+    }
+    let at = |t: f64| [from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1])];
+    if begin < end { vec![at(begin), at(end)] } else { Vec::new() }
 }
 
 #[cfg(test)]
@@ -88,7 +128,7 @@ mod tests {
         Series {
             name: name.to_string(),
             style: 2,
-            dashed: true,
+            stroke: Stroke::Dashed,
             line: points.to_vec(),
             dots: points.to_vec(),
         }
@@ -105,6 +145,8 @@ mod tests {
             assert!(svg.contains(part), "{part}: {svg}");
         }
         assert!(!svg.contains("empty") && !svg.contains("NaN") && !svg.contains("inf"));
+        assert!(within(&[[0.0, 0.0], [10.0, 10.0]], [2.0, 20.0], [0.0, 5.0]) == [[2.0, 2.0], [5.0, 5.0]]);
+        assert!(within(&[[0.0, 9.0], [1.0, 10.0]], [0.0, 1.0], [0.0, 5.0]).is_empty());
         assert!(curves(&titles(), vec![series("none", &[[1.0, 0.0], [f64::NAN, 1.0]])]).is_none());
     }
 }

@@ -9,5 +9,5 @@ mod picture;
 
 pub(crate) use axis::nice_step;
 pub(crate) use bars::{Bar, bars};
-pub(crate) use curves::{Series, curves};
+pub(crate) use curves::{Series, Stroke, curves};
 pub(crate) use picture::{Picture, Titles};

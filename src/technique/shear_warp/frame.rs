@@ -142,6 +142,7 @@ impl Prepared for ShearFrame {
             ("intermediate_texels", drawn.planes.iter().map(texels).sum()),
             ("dispatches_or_draws", draws.into()),
         ];
+        counters.extend(self.stacks.first().map(|stack| ("voxel_bytes", stack.volume.voxel_bytes())));
         counters.extend(drawn.axis.map(|axis| ("stack_axis", u64::from(num::count(axis)))));
         counters
     }

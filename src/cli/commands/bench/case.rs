@@ -9,6 +9,7 @@ use volraster::scene::{Data, View};
 use volraster::technique::{FrameTime, Method};
 use volraster::{GpuScene, Image, Renderer, Result, Technique};
 
+use super::bounds::Peaks;
 use super::record::Record;
 use super::required_k::RequiredK;
 use super::series::{Limits, Series};
@@ -188,8 +189,12 @@ impl Case {
     }
 
     /// Returns the record of the case.
-    pub(super) fn finish(mut self, required_k: Option<&RequiredK>) -> Record {
+    pub(super) fn finish(mut self, required_k: Option<&RequiredK>, peaks: &Peaks) -> Record {
         let sensors = self.sensors();
+        let bytes = self.drawing.as_mut().map(|drawing| {
+            let passes = drawing.first().plan().pass_bytes();
+            passes.into_values().fold([0; 2], |sum, pass| [sum[0] + pass[0], sum[1] + pass[1]])
+        });
         let of_plan = self.drawing.iter_mut().flat_map(|drawing| drawing.first().plan().counters());
         let of_frame = self.frames.last().into_iter().flat_map(|frame| frame.counters.iter().copied());
         let counted = self.counts.into_iter();
@@ -200,8 +205,9 @@ impl Case {
             self.series.counted().into_iter().map(|frame| self.frames[frame].clone()).collect();
         let passes = pass_medians(&frames).into_iter().map(|(name, ms)| (name, json!(ms)));
         let required_k = required_k.filter(|_| self.technique.method() == Method::Havs);
-        Record {
+        let record = Record {
             counters,
+            bytes,
             required_k: required_k.map(|required| json!(required)),
             frames: self.drawing.as_ref().map(|_| frames.len()),
             warm: self.series.warm(),
@@ -212,7 +218,8 @@ impl Case {
             gpu_ms: Quantiles::gpu(&frames),
             passes_ms: passes.collect(),
             ..self.record
-        }
+        };
+        Record { bound: peaks.bound(&record), ..record }
     }
 }
 

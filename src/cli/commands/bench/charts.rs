@@ -1,11 +1,11 @@
-//! The plots of `bench`: fronts, time per pass, time over size.
+//! The plots of `bench`: fronts, share of the device's peaks, time per pass, time over size.
 
 use volraster::technique::Method;
 
 use super::fronts::{Fronts, style};
 use super::record::{Record, views};
 use crate::cli::numbers::count;
-use crate::cli::plot::{self, Bar, Picture, Series, Titles};
+use crate::cli::plot::{self, Bar, Picture, Series, Stroke, Titles};
 
 /// A plot, and the name of its file without the ending.
 #[derive(Debug)]
@@ -25,8 +25,11 @@ pub(super) fn charts(records: &[Record]) -> Vec<Chart> {
         }
     };
     type Draw = fn(&[&Record]) -> Option<Picture>;
-    let kinds: [(&str, &str, Draw); 2] =
-        [("fronts", "Error over time", fronts), ("passes", "Time per pass", passes)];
+    let kinds: [(&str, &str, Draw); 3] = [
+        ("fronts", "Error over time", fronts),
+        ("roof", "Time over what peaks allow", roof),
+        ("passes", "Time per pass", passes),
+    ];
     for (kind, what, draw) in kinds {
         for view in views(records) {
             let title = format!("{what}: {}", view_title(view[0]));
@@ -102,6 +105,45 @@ fn fronts(view: &[&Record]) -> Option<Picture> {
     Fronts::new(view).picture(&view_title(view[0]), &format!("Error over time; {}", device(view[0])))
 }
 
+/// Returns a plot of the measured times over those that the device's peaks allow; no case lies below the roof.
+fn roof(view: &[&Record]) -> Option<Picture> {
+    let mut series: Vec<Series> = Vec::new();
+    for record in view {
+        let (Some(bound), Some(time)) = (&record.bound, record.gpu_ms.as_ref().or(record.wall_ms.as_ref()))
+        else {
+            continue;
+        };
+        let point = [bound.ms(), time.median];
+        match series.iter_mut().find(|one| one.name == record.technique) {
+            Some(one) => one.line.push(point),
+            None => series.push(Series {
+                name: record.technique.clone(),
+                style: style(&record.technique),
+                stroke: Stroke::None,
+                line: vec![point],
+                dots: Vec::new(),
+            }),
+        }
+    }
+    let guide = |(name, share): (&str, f64)| Series {
+        name: name.to_string(),
+        style: 0,
+        stroke: Stroke::Guide,
+        line: [1e-9, 1e9].map(|least| [least, least / share]).to_vec(),
+        dots: Vec::new(),
+    };
+    if !series.is_empty() {
+        series.extend([("100 %", 1.0), ("10 %", 0.1), ("1 %", 0.01)].map(guide));
+    }
+    let titles = Titles {
+        title: view_title(view[0]),
+        note: format!("Share of the device's peaks; {}", device(view[0])),
+        x: "ms that the peaks allow",
+        y: "ms per frame (median)",
+    };
+    plot::curves(&titles, series)
+}
+
 fn passes(view: &[&Record]) -> Option<Picture> {
     let bar = |record: &&Record| Bar {
         name: name_of(record),
@@ -160,7 +202,7 @@ fn growth(title: &str, (axis, size): Size, views: &[Vec<&Record>]) -> Option<Pic
             None => series.push(Series {
                 name,
                 style: style(&record.technique),
-                dashed: record.route != "compute",
+                stroke: if record.route == "compute" { Stroke::Solid } else { Stroke::Dashed },
                 line: vec![point],
                 dots: Vec::new(),
             }),

@@ -14,6 +14,7 @@ use volraster::reference::ReferenceImage;
 use volraster::scene::View;
 use volraster::{Error, Gpu, GpuScene, Result};
 
+use super::bounds::Peaks;
 use super::case::{Case, elements};
 use super::ratios::Ratios;
 use super::record::{self, Record, Run, SCHEMA};
@@ -112,7 +113,8 @@ impl Args {
         let workloads = self.workloads(quiet)?;
         let (gpu, _) = self.device.open(false)?;
         output::make_folder(folder)?;
-        let mut results = Results::begin(folder)?;
+        let peaks = Peaks::measure(&gpu)?;
+        let mut results = Results::begin(folder, peaks)?;
         let run = Run::now(gpu.report());
         interrupt::watch();
         let cases = |workload: &Workload| Ok(2 * workload.case_count(self.size)? as u64);
@@ -279,7 +281,7 @@ impl Args {
             };
             bar.set_message(output::plain(&format!("{name} {projection}")));
             let Some((records, required_k)) =
-                self.measure_view(&scene, &view, &record, sweeps, limits, bar)?
+                self.measure_view(&scene, &view, &record, sweeps, limits, bar, &results.peaks)?
             else {
                 return Ok(());
             };
@@ -303,6 +305,7 @@ impl Args {
         sweeps: &[Sweep],
         limits: Limits,
         bar: &ProgressBar,
+        peaks: &Peaks,
     ) -> Result<Option<(Vec<Record>, Option<RequiredK>)>> {
         let Some(truth) = truth(scene, view, &Cache::of_user(!self.no_cache))? else { return Ok(None) };
         let mut settings = sweeps::settings(sweeps)?;
@@ -329,7 +332,10 @@ impl Args {
             measured => measured?,
         };
         cases.retain(Case::is_done);
-        Ok(Some((cases.into_iter().map(|case| case.finish(required_k.as_ref())).collect(), required_k)))
+        Ok(Some((
+            cases.into_iter().map(|case| case.finish(required_k.as_ref(), peaks)).collect(),
+            required_k,
+        )))
     }
 }
 

@@ -5,7 +5,7 @@ use volraster::measure::{Cost, Front, TimeAt};
 use volraster::technique::Method;
 
 use super::record::Record;
-use crate::cli::plot::{self, Picture, Series, Titles};
+use crate::cli::plot::{self, Picture, Series, Stroke, Titles};
 use crate::cli::table;
 
 /// Errors at which times are interpolated, with their names.
@@ -96,7 +96,7 @@ impl<'a> Fronts<'a> {
         let series = |line: &TechniqueFront<'_>| Series {
             name: line.method.name().to_string(),
             style: style(line.method.name()),
-            dashed: false,
+            stroke: Stroke::Solid,
             line: distinct(line.front.members()).map(|(_, cost)| place(cost)).collect(),
             dots: line.measured.iter().map(|(_, cost)| place(cost)).collect(),
         };

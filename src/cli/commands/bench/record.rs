@@ -1,5 +1,6 @@
 //! A record: one line of bench.jsonl. Tables, plots and comparisons are made from records alone.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::SystemTime;
 
@@ -68,6 +69,9 @@ pub(super) struct Record {
     /// Counters of the plan and of the device.
     #[serde(skip_serializing_if = "Map::is_empty")]
     pub(super) counters: Map<String, Value>,
+    /// Bytes that the passes of a frame read and that they write: the sizes of their buffers and images, each once a pass.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) bytes: Option<[u64; 2]>,
     /// Size of the k-buffer that pixels of a mesh need.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) required_k: Option<Value>,
@@ -100,9 +104,34 @@ pub(super) struct Record {
     /// Milliseconds of a frame on the device, where it has timestamps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) gpu_ms: Option<Quantiles>,
+    /// Share of the device's peaks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) bound: Option<Bound>,
     /// Median milliseconds of each pass.
     #[serde(skip_serializing_if = "Map::is_empty")]
     pub(super) passes_ms: Map<String, Value>,
+}
+
+/// Kernel evaluations per pair of a splat and a tile: one per pixel.
+pub(super) const EVALUATIONS: f64 = 64.0;
+
+/// What bounds the time of a frame.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub(super) struct Bound {
+    /// Kind of work that takes longest at the device's peak, as in peaks.json.
+    pub(super) by: String,
+    /// Milliseconds that each kind of work takes at the device's peak.
+    pub(super) least_ms: BTreeMap<String, f64>,
+    /// Those of `by` over the median time on the device, where it has timestamps, else over the median wall time.
+    pub(super) share: f64,
+}
+
+impl Bound {
+    /// Returns the milliseconds of the kind of work that takes longest.
+    pub(super) fn ms(&self) -> f64 {
+        self.least_ms.get(&self.by).copied().unwrap_or(f64::NAN)
+    }
 }
 
 /// The identity of a run, its device and its machine.

@@ -7,11 +7,12 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use volraster::{Error, Result};
 
+use super::bounds::Peaks;
 use super::charts::{Chart, charts, view_title};
 use super::fronts::Fronts;
 use super::record::{Record, dash, views};
 use super::required_k::RequiredK;
-use super::tables::markdown;
+use super::tables::{html, markdown, parts};
 use crate::cli::timing::Quantiles;
 use crate::cli::{output, table};
 
@@ -24,18 +25,20 @@ const HEADING: [&str; 11] =
 pub(super) struct Results {
     folder: PathBuf,
     lines: File,
+    pub(super) peaks: Peaks,
     pub(super) records: Vec<Record>,
 }
 
 impl Results {
-    /// Creates bench.jsonl.
+    /// Creates bench.jsonl, and writes peaks.json.
     ///
     /// # Errors
     ///
     /// [`Error::Io`] when it cannot be written.
-    pub(super) fn begin(folder: &Path) -> Result<Self> {
+    pub(super) fn begin(folder: &Path, peaks: Peaks) -> Result<Self> {
         let lines = File::create(folder.join(LINES)).map_err(|source| cannot_write(folder, source))?;
-        Ok(Self { folder: folder.to_path_buf(), lines, records: Vec::new() })
+        output::write_json(&folder.join("peaks.json"), &peaks.json())?;
+        Ok(Self { folder: folder.to_path_buf(), lines, peaks, records: Vec::new() })
     }
 
     /// Writes the records of a view, and returns its tables as text. `view` names the view.
@@ -63,7 +66,7 @@ impl Results {
         Ok(format!("{cases}\n\nfronts of {} {}\n{fronts}\n{required_k}", view.scene, view.projection))
     }
 
-    /// Writes table.md, fronts.json and the plots, and on demand bench.csv.
+    /// Writes table.md, report.html, fronts.json and the plots, and on demand bench.csv.
     ///
     /// # Errors
     ///
@@ -76,15 +79,16 @@ impl Results {
         for Chart { name, picture, .. } in &charts {
             volraster::io::write_text(self.folder.join(format!("{name}.svg")), &picture.svg())?;
         }
-        let text = markdown(&self.records, &charts, is_interrupted);
-        volraster::io::write_text(self.folder.join("table.md"), &text)?;
+        let parts = parts(&self.records, &charts, &self.peaks, is_interrupted);
+        volraster::io::write_text(self.folder.join("table.md"), &markdown(&parts))?;
+        volraster::io::write_text(self.folder.join("report.html"), &html(&self.records, &parts))?;
         output::write_json(&self.folder.join("fronts.json"), &fronts_json(&self.records, &charts))
     }
 }
 
 /// Returns the records as comma-separated values, with a heading.
 fn csv(records: &[Record]) -> String {
-    const COLUMNS: &str = "scene,projection,width,height,data,elements,technique,route,options,rmse,max_abs,frames,median_ms,low_ms,high_ms,gpu_ms,device_bytes,verdict,image,device,driver,version,commit,begin";
+    const COLUMNS: &str = "scene,projection,width,height,data,elements,technique,route,options,rmse,max_abs,frames,median_ms,low_ms,high_ms,gpu_ms,bound,share,device_bytes,verdict,image,device,driver,version,commit,begin";
     let quoted = |text: &str| match text.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
         false => text.to_string(),
@@ -112,6 +116,8 @@ fn csv(records: &[Record]) -> String {
             wall(|ms| ms.low),
             wall(|ms| ms.high),
             number(record.gpu_ms.as_ref().map(|ms| ms.median)),
+            record.bound.as_ref().map_or_else(String::new, |bound| bound.by.clone()),
+            number(record.bound.as_ref().map(|bound| bound.share)),
             record.device_bytes.map_or_else(String::new, |bytes| bytes.to_string()),
             verdict.to_string(),
             record.image.clone().unwrap_or_default(),

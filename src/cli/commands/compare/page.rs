@@ -11,6 +11,7 @@ use super::pass_bars::passes;
 use super::row::{Row, scientific, time};
 use super::truth::{Distance, Picture};
 use crate::cli::markup::escape_xml;
+use crate::cli::report;
 
 /// The content of the report.
 #[derive(Debug)]
@@ -49,25 +50,12 @@ impl Page {
 /// Returns the report as HTML.
 pub(crate) fn html(page: &Page) -> String {
     let mut out = String::new();
-    let title = escape_xml(&page.title);
-    // Writing into a string cannot fail.
-    let _ = write!(
-        out,
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>{title}</title>\n\
-         <link rel=\"icon\" href=\"data:,\">\n<style>{STYLE}</style>\n</head>\n<body>\n<header>\n<h1>{title}</h1>\n<dl class=\"facts\">\n"
-    );
-    for (name, value) in &page.facts {
-        let _ = writeln!(out, "<div><dt>{}</dt><dd>{}</dd></div>", escape_xml(name), escape_xml(value));
-    }
-    out.push_str("</dl>\n</header>\n<main>\n");
     errors_table(&mut out, &page.rows);
     refusals(&mut out, &page.refused);
     passes(&mut out, &page.rows);
     pictures(&mut out, page);
     differences(&mut out, page);
-    let _ = write!(out, "</main>\n<script>{SCRIPT}</script>\n</body>\n</html>\n");
-    out
+    report::page(&page.title, &page.facts, &out)
 }
 
 /// Writes the images of the ground truth and of each technique, with heat maps and counters.
@@ -166,10 +154,6 @@ fn legend(out: &mut String) {
         css(HEAT_NON_FINITE)
     );
 }
-
-const STYLE: &str = include_str!("report.css");
-
-const SCRIPT: &str = include_str!("report.js");
 
 #[cfg(test)]
 mod tests {
