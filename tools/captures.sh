@@ -154,7 +154,7 @@ fail() { failed=$((failed + 1)) && printf '%-34s FAILED: %s\n' "$name" "$*"; }
 capture() {
     local name=$1 scene=$scratch/$2.json technique=$3 file=$out/$1.gfxr status=0 bytes driver sums once line entry=
     if [ ${#words[@]} -gt 0 ] && ! grep -qF "$(printf '%s\n' "${words[@]}")" <<<"$name"; then return 0; fi
-    local draw=("$program" -q render "$scene" --technique "$technique" --frames $frames --orbit 20)
+    local draw=("$program" -q render "$scene" --technique "$technique" --frames $frames --orbit 20 --emulate no-buffer-addresses)
     "${draw[@]}" -o "$scratch/plain-%d.png" 2>"$scratch/log" || status=$?
     if [ $status = 3 ]; then
         printf '%-34s not on %s: %s\n' "$name" "${names[first]}" "$(tail -n 1 "$scratch/log")"

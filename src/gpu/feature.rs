@@ -4,7 +4,6 @@ use std::ffi::{CStr, CString};
 
 use ash::{ext, vk};
 
-use super::options::GpuOptions;
 use crate::error::{Error, Result};
 
 /// An optional feature of a device, beyond Vulkan 1.3 with synchronization2 and dynamic rendering. Each has a fallback.
@@ -162,7 +161,8 @@ impl Enabled {
         })
     }
 
-    /// Returns what the crate enables on a device of its own: everything useful, and marks of frames unless presents end them.
+    /// Returns what the crate enables on a device of its own: everything useful except for the features `without`, and marks of frames
+    /// unless presents end them.
     ///
     /// # Safety
     ///
@@ -170,17 +170,19 @@ impl Enabled {
     pub(super) unsafe fn for_own(
         instance: &ash::Instance,
         physical: vk::PhysicalDevice,
-        options: &GpuOptions,
+        presents: bool,
+        without: &[OptionalFeature],
     ) -> Result<Self> {
         // SAFETY: the caller's promise.
-        let (mut enabled, offered) =
-            unsafe { (Self::useful(instance, physical)?, extensions(instance, physical)?) };
+        let mut enabled = unsafe { Self::useful(instance, physical) }?;
+        // SAFETY: the caller's promise.
+        let offered = unsafe { extensions(instance, physical) }?;
         let marks =
             |e: &vk::ExtensionProperties| e.extension_name_as_c_str() == Ok(ext::frame_boundary::NAME);
-        if options.presents().is_none() && offered.iter().any(marks) {
+        if !presents && offered.iter().any(marks) {
             enabled.extensions.push(ext::frame_boundary::NAME.to_owned());
         }
-        Ok(enabled.without(&options.without))
+        Ok(enabled.without(without))
     }
 
     /// Reads what a device was made with: extensions, and features in any of the structures that may hold them.

@@ -74,7 +74,7 @@ impl Instance {
         let debug_utils = layer.is_some() || has(ext::debug_utils::NAME);
         let portability = has(ash::khr::portability_enumeration::NAME);
         #[cfg(feature = "cli")]
-        let surfaces = surfaces(options, &has)?;
+        let surfaces = surfaces(options, has)?;
         #[cfg(not(feature = "cli"))]
         let surfaces: [&CStr; 0] = [];
         let create = |layer: Option<&Layer>| {

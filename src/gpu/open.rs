@@ -86,7 +86,9 @@ impl Gpu {
         let candidate = candidates.swap_remove(best);
         let physical = candidate.raw;
         // SAFETY: `physical` was enumerated from this instance; only devices for Vulkan 1.3 are chosen.
-        let enabled = unsafe { Enabled::for_own(&instance.raw, physical, options) }?;
+        let enabled = unsafe {
+            Enabled::for_own(&instance.raw, physical, options.presents().is_some(), &options.without)
+        }?;
         let mut names: Vec<_> = enabled.extensions.iter().map(|name| name.as_ptr()).collect();
         let mut statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
         if options.shader_statistics {
