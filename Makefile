@@ -6,7 +6,7 @@ CARGO ?= cargo
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build capi header demo view test-window pictures test test-all bench clean distclean
+.PHONY: help setup setup-tests build capi header demo view test-window captures pictures test test-all bench clean distclean
 
 help: ## This list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -38,6 +38,9 @@ view: ## Open a file in a window (ARGS=FILE)
 
 test-window: ## Try the window on a display of its own
 	@tools/window.sh $(ARGS)
+
+captures: ## Make captures of every technique and route, and replay them
+	@tools/captures.sh $(ARGS)
 
 pictures: build ## Draw the pictures of docs/TECHNIQUES.md
 	@tools/pictures.sh

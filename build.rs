@@ -99,7 +99,7 @@ fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
         if path.is_dir() {
             // Some shaders are for a feature only.
             let feature = match path.file_name().and_then(|name| name.to_str()) {
-                Some("window") => Some("CARGO_FEATURE_WINDOW"),
+                Some("window") => Some("CARGO_FEATURE_CLI"),
                 Some("faults") => Some("CARGO_FEATURE_TESTING"),
                 Some("peak") => Some("CARGO_FEATURE_CLI"),
                 _ => None,

@@ -372,7 +372,7 @@ pub(crate) struct Triangle {
 }
 
 /// The push constants of `picture.glsl`.
-#[cfg(feature = "window")]
+#[cfg(feature = "cli")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct PicturePush {
@@ -383,7 +383,7 @@ pub(crate) struct PicturePush {
 }
 
 /// The push constants of `panel.glsl`.
-#[cfg(feature = "window")]
+#[cfg(feature = "cli")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct PanelPush {
@@ -391,7 +391,7 @@ pub(crate) struct PanelPush {
 }
 
 /// A corner of a triangle of a window's panel (`panel.glsl`).
-#[cfg(feature = "window")]
+#[cfg(feature = "cli")]
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct PanelCorner {

@@ -21,7 +21,7 @@ mod replace;
 mod resident;
 pub mod scene;
 pub mod technique;
-#[cfg(feature = "window")]
+#[cfg(feature = "cli")]
 pub mod window;
 
 pub use ash;

@@ -66,6 +66,7 @@ why() {
     vulkan-validationlayers) echo "the validation layers, which every test runs under" ;;
     libxcursor1 | libxi6 | libxkbcommon-x11-0 | libx11-xcb1) echo "the window on X11" ;;
     libwayland-client0 | libxkbcommon0) echo "the window on Wayland" ;;
+    gfxreconstruct) echo "captures, of which the tests make one" ;;
     xvfb) echo "a display without a screen, for tests of the window" ;;
     cmake | git | python3 | ninja-build) echo "building the shader compiler from source" ;;
     *) echo "needed" ;;
@@ -130,6 +131,9 @@ if $with_window; then
 fi
 # The shader compiler: where these are not to be had it is built from source.
 compiler=(libshaderc-dev glslang-dev)
+# For a test that is skipped without it: newer distributions have none.
+wished=()
+if $with_tests; then wished=(gfxreconstruct); fi
 
 compiler_from_packages=true
 if [ -n "${SHADERC_LIB_DIR:-}" ]; then
@@ -146,6 +150,11 @@ if has apt-get && has dpkg-query; then
     else
         wanted_compiler=()
     fi
+    mapfile -t wished < <(missing "${wished[@]}")
+    if [ $((${#wanted[@]} + ${#wanted_compiler[@]})) -gt 0 ] && may_install; then apt_update; fi
+    for package in "${wished[@]}"; do
+        if may_install && installable "$package"; then wanted+=("$package"); fi
+    done
     if [ $((${#wanted[@]} + ${#wanted_compiler[@]})) -gt 0 ]; then
         if may_install; then
             apt_update

@@ -61,7 +61,7 @@ impl Offscreen {
         keep.extend(recorded.keep());
         let sent = recorder.finish().and_then(|(_, last)| {
             keep.extend(last);
-            self.commands.send(keep)
+            self.commands.send_frame(keep, Some(&self.image))
         });
         match sent {
             Ok(()) => self.recorded = Some(recorded),

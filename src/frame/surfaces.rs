@@ -181,7 +181,7 @@ impl SurfaceFrame {
             lists: download(gpu, "surfaces.lists.total", 8)?,
             capacities: lists.needs,
         };
-        let usage = vk::ImageUsageFlags::STORAGE | usage_after(target, false);
+        let usage = vk::ImageUsageFlags::STORAGE | usage_after(gpu, target, false);
         let desc = ImageDesc::flat(vk::Format::R32G32B32A32_SFLOAT, view.extent(), usage);
         let image = Arc::new(Image::new(gpu, "surfaces.image", &desc)?);
         let behind = SURFACES_BEHIND.with(&SurfacesBehind {

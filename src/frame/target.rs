@@ -165,10 +165,10 @@ pub(crate) fn draws_directly(target: &Canvas, format: vk::Format, back_to_front:
 }
 
 /// Returns the usage of an image after it is drawn: it is read back, or sampled by another pass of the frame or by the composite.
-pub(crate) fn usage_after(target: &TargetDesc, sampled: bool) -> vk::ImageUsageFlags {
+pub(crate) fn usage_after(gpu: &Gpu, target: &TargetDesc, sampled: bool) -> vk::ImageUsageFlags {
     if target.format().is_none() && !sampled {
-        // A window shows it.
-        let shown = if cfg!(feature = "window") { vk::ImageUsageFlags::SAMPLED } else { Default::default() };
+        // A surface shows it.
+        let shown = if gpu.presents() { vk::ImageUsageFlags::SAMPLED } else { Default::default() };
         vk::ImageUsageFlags::TRANSFER_SRC | shown
     } else {
         vk::ImageUsageFlags::SAMPLED
@@ -188,7 +188,8 @@ pub(crate) fn own_image(
     if let Some(redrawn) = &target.redrawn {
         return Ok(Arc::clone(&redrawn.image));
     }
-    let desc = ImageDesc::flat(format, view.extent(), usage | usage_after(&target.target, target.sampled));
+    let desc =
+        ImageDesc::flat(format, view.extent(), usage | usage_after(gpu, &target.target, target.sampled));
     Ok(Arc::new(Image::new(gpu, &format!("{name}.accumulation"), &desc)?))
 }
 

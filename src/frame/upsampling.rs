@@ -94,7 +94,7 @@ impl Upsampling {
         refine: Option<f32>,
         prepare: impl FnOnce(&View, &Canvas) -> Result<Box<dyn Prepared>>,
     ) -> Result<Self> {
-        let usage = vk::ImageUsageFlags::STORAGE | usage_after(&smaller.target, false);
+        let usage = vk::ImageUsageFlags::STORAGE | usage_after(gpu, &smaller.target, false);
         let desc = ImageDesc::flat(vk::Format::R32G32B32A32_SFLOAT, view.extent(), usage);
         let image = Arc::new(Image::new(gpu, "upsampling", &desc)?);
         let places = refine.map_or(0, |_| view.extent().map(u64::from).iter().product());

@@ -74,6 +74,10 @@ pub(crate) struct Inner {
     pub(super) statistics: Option<khr::pipeline_executable_properties::Device>,
     /// Whether workgroups take their work in reverse order.
     pub(super) permutes: bool,
+    /// Whether it presents images.
+    pub(super) presents: bool,
+    /// Number of frames whose ends were marked.
+    pub(super) frames: AtomicU64,
     pub(super) cache_file: Option<PipelineCacheFile>,
     pub(super) cache: vk::PipelineCache,
     /// The first call that reported the loss of the device.

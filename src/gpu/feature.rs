@@ -31,11 +31,14 @@ pub enum OptionalFeature {
     Timestamps,
     /// Names and labels for captures and messages. Fallback: none.
     DebugNames,
+    /// Marks of the ends of frames for captures (`VK_EXT_frame_boundary`). A device that presents, or that the caller made,
+    /// has none: there presents and the caller end frames. Fallback: none.
+    FrameBoundary,
 }
 
 impl OptionalFeature {
     /// All features.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::LinearFilterR32f,
         Self::LinearFilterR16,
         Self::BlendRgba32f,
@@ -46,6 +49,7 @@ impl OptionalFeature {
         Self::MemoryBudget,
         Self::Timestamps,
         Self::DebugNames,
+        Self::FrameBoundary,
     ];
 
     /// Returns the name in reports.
@@ -84,6 +88,7 @@ impl OptionalFeature {
             Self::MemoryBudget => ["memory-budget", "nine tenths of the device-local heap"],
             Self::Timestamps => ["timestamps", "wall time only"],
             Self::DebugNames => ["debug-names", "no names or labels"],
+            Self::FrameBoundary => ["frame-boundary", "no marks of frames' ends"],
         }
     }
 }
@@ -120,9 +125,8 @@ impl Enabled {
     ///
     /// `physical` belongs to `instance`, which was made for Vulkan 1.3 or later, and supports Vulkan 1.3.
     pub unsafe fn useful(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Result<Self> {
-        // SAFETY: `physical` belongs to this instance; no layer is named.
-        let offered = unsafe { instance.enumerate_device_extension_properties(physical) }
-            .map_err(|result| Error::Vulkan { call: "vkEnumerateDeviceExtensionProperties", result })?;
+        // SAFETY: `physical` belongs to this instance.
+        let offered = unsafe { extensions(instance, physical) }?;
         let has = |name: &CStr| offered.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let has_interlock = has(ext::fragment_shader_interlock::NAME);
         let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default();
@@ -155,6 +159,30 @@ impl Enabled {
             fragment_stores_and_atomics: stores,
             fragment_shader_pixel_interlock: pixel_interlock,
         })
+    }
+
+    /// Returns what the crate enables on a device of its own: everything useful except for the features `without`, and marks of frames
+    /// unless presents end them.
+    ///
+    /// # Safety
+    ///
+    /// As for [`Enabled::useful`].
+    pub(super) unsafe fn for_own(
+        instance: &ash::Instance,
+        physical: vk::PhysicalDevice,
+        presents: bool,
+        without: &[OptionalFeature],
+    ) -> Result<Self> {
+        // SAFETY: the caller's promise.
+        let mut enabled = unsafe { Self::useful(instance, physical) }?;
+        // SAFETY: the caller's promise.
+        let offered = unsafe { extensions(instance, physical) }?;
+        let marks =
+            |e: &vk::ExtensionProperties| e.extension_name_as_c_str() == Ok(ext::frame_boundary::NAME);
+        if !presents && offered.iter().any(marks) {
+            enabled.extensions.push(ext::frame_boundary::NAME.to_owned());
+        }
+        Ok(enabled.without(without))
     }
 
     /// Reads what a device was made with: extensions, and features in any of the structures that may hold them.
@@ -208,7 +236,7 @@ impl Enabled {
     }
 
     /// Leaves out what only some optional features need.
-    pub(super) fn without(mut self, features: &[OptionalFeature]) -> Self {
+    fn without(mut self, features: &[OptionalFeature]) -> Self {
         for feature in features {
             match feature {
                 OptionalFeature::FragmentStores => self.fragment_stores_and_atomics = false,
@@ -219,6 +247,9 @@ impl Enabled {
                 OptionalFeature::BufferAddresses => self.buffer_device_address = false,
                 OptionalFeature::MemoryBudget => {
                     self.extensions.retain(|name| name.as_c_str() != ext::memory_budget::NAME);
+                }
+                OptionalFeature::FrameBoundary => {
+                    self.extensions.retain(|name| name.as_c_str() != ext::frame_boundary::NAME);
                 }
                 _ => {}
             }
@@ -246,6 +277,20 @@ impl Enabled {
         let pairs = features(self).into_iter().zip(features(offered));
         pairs.filter(|((_, on), (_, there))| *on && !there).map(|((name, _), _)| name).next()
     }
+}
+
+/// Returns the extensions that a device offers.
+///
+/// # Safety
+///
+/// `physical` belongs to `instance`.
+unsafe fn extensions(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+) -> Result<Vec<vk::ExtensionProperties>> {
+    // SAFETY: the caller's promise; no layer is named.
+    unsafe { instance.enumerate_device_extension_properties(physical) }
+        .map_err(|result| Error::Vulkan { call: "vkEnumerateDeviceExtensionProperties", result })
 }
 
 /// A valid structure of a chain of `vkCreateDevice`, with the type that it names.

@@ -36,7 +36,7 @@ pub(crate) struct Instance {
     pub(crate) layer_version: Option<String>,
     pub(crate) log: Arc<ValidationLog>,
     /// The enabled extensions for surfaces.
-    #[cfg(feature = "window")]
+    #[cfg(feature = "cli")]
     pub(super) surfaces: Vec<&'static CStr>,
     /// Whether the crate has made it.
     owned: bool,
@@ -73,14 +73,9 @@ impl Instance {
         let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let debug_utils = layer.is_some() || has(ext::debug_utils::NAME);
         let portability = has(ash::khr::portability_enumeration::NAME);
-        #[cfg(feature = "window")]
-        let surfaces: Vec<&'static CStr> =
-            SURFACES.into_iter().filter(|name| options.window && has(name)).collect();
-        #[cfg(feature = "window")]
-        if options.window && !surfaces.contains(&ash::khr::surface::NAME) {
-            return Err(Error::unsupported("a window", "VK_KHR_surface"));
-        }
-        #[cfg(not(feature = "window"))]
+        #[cfg(feature = "cli")]
+        let surfaces = surfaces(options, has)?;
+        #[cfg(not(feature = "cli"))]
         let surfaces: [&CStr; 0] = [];
         let create = |layer: Option<&Layer>| {
             create(entry, validation, layer, &log, [debug_utils, portability], &surfaces)
@@ -100,7 +95,7 @@ impl Instance {
             debug_utils,
             layer_version: layer.as_ref().map(|layer| layer.version.clone()),
             log,
-            #[cfg(feature = "window")]
+            #[cfg(feature = "cli")]
             surfaces,
             owned: true,
             _keep: None,
@@ -131,7 +126,7 @@ impl Instance {
             debug_utils,
             layer_version: None,
             log: Arc::default(),
-            #[cfg(feature = "window")]
+            #[cfg(feature = "cli")]
             surfaces: Vec::new(),
             owned: false,
             _keep: keep,
@@ -140,7 +135,7 @@ impl Instance {
     }
 }
 
-#[cfg(feature = "window")]
+#[cfg(feature = "cli")]
 impl Instance {
     /// The entry points that the instance was made with.
     pub(super) fn entry(&self) -> &ash::Entry {
@@ -198,6 +193,31 @@ impl Loader {
             _hook: None,
             _library: entry,
         }
+    }
+}
+
+/// Returns the extensions to enable for the surfaces that `options` ask for.
+#[cfg(feature = "cli")]
+fn surfaces(options: &GpuOptions, has: impl Fn(&CStr) -> bool) -> Result<Vec<&'static CStr>> {
+    let mut wanted = Vec::new();
+    #[cfg(feature = "window")]
+    if options.window {
+        wanted.extend(SURFACES);
+    }
+    if options.headless_surface {
+        wanted.extend([ash::khr::surface::NAME, ext::headless_surface::NAME]);
+        if !has(ext::headless_surface::NAME) {
+            return Err(Error::unsupported("a headless surface", "VK_EXT_headless_surface"));
+        }
+    }
+    wanted.retain(|name| has(name));
+    wanted.sort_unstable();
+    wanted.dedup();
+    match options.presents() {
+        Some(what) if !wanted.contains(&ash::khr::surface::NAME) => {
+            Err(Error::unsupported(what, "VK_KHR_surface"))
+        }
+        _ => Ok(wanted),
     }
 }
 

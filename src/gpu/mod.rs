@@ -44,7 +44,7 @@ mod specialise;
 mod statistics;
 mod steps;
 mod submit;
-#[cfg(feature = "window")]
+#[cfg(feature = "cli")]
 mod surface;
 pub(crate) mod sync;
 #[cfg(test)]
@@ -61,7 +61,7 @@ pub(crate) use pipeline::{Blend, GraphicsState, Pipeline};
 pub(crate) use recorder::{Keep, Recorder};
 pub(crate) use steps::{Attachment, Groups, Step, Used};
 pub(crate) use submit::Commands;
-#[cfg(feature = "window")]
+#[cfg(feature = "cli")]
 pub(crate) use surface::Surface;
 pub(crate) use timers::Timers;
 

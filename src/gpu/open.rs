@@ -86,7 +86,9 @@ impl Gpu {
         let candidate = candidates.swap_remove(best);
         let physical = candidate.raw;
         // SAFETY: `physical` was enumerated from this instance; only devices for Vulkan 1.3 are chosen.
-        let enabled = unsafe { Enabled::useful(&instance.raw, physical) }?.without(&options.without);
+        let enabled = unsafe {
+            Enabled::for_own(&instance.raw, physical, options.presents().is_some(), &options.without)
+        }?;
         let mut names: Vec<_> = enabled.extensions.iter().map(|name| name.as_ptr()).collect();
         let mut statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
         if options.shader_statistics {
@@ -95,8 +97,7 @@ impl Gpu {
             names.push(khr::pipeline_executable_properties::NAME.as_ptr());
             statistics.pipeline_executable_info = vk::TRUE;
         }
-        #[cfg(feature = "window")]
-        if options.window {
+        if options.presents().is_some() {
             names.push(khr::swapchain::NAME.as_ptr());
         }
         let mut features = vk::PhysicalDeviceFeatures::default()
@@ -124,6 +125,11 @@ impl Gpu {
             .enabled_features(&features)
             .push_next(&mut features13)
             .push_next(&mut features12);
+        // Vulkan requires the feature of every device with the extension, and layers that add the extension do not report it.
+        let mut marks = vk::PhysicalDeviceFrameBoundaryFeaturesEXT::default().frame_boundary(true);
+        if enabled.has(ext::frame_boundary::NAME) {
+            info = info.push_next(&mut marks);
+        }
         if enabled.fragment_shader_pixel_interlock {
             info = info.push_next(&mut interlock);
         }
@@ -133,9 +139,8 @@ impl Gpu {
         // SAFETY: the pointers in `info` refer to locals; extensions and features were found present.
         let device =
             unsafe { instance.raw.create_device(physical, &info, None) }.map_err(|result| match result {
-                #[cfg(feature = "window")]
-                vk::Result::ERROR_EXTENSION_NOT_PRESENT if options.window => {
-                    Error::unsupported("a window", "VK_KHR_swapchain")
+                vk::Result::ERROR_EXTENSION_NOT_PRESENT if let Some(what) = options.presents() => {
+                    Error::unsupported(what, "VK_KHR_swapchain")
                 }
                 _ => Error::vulkan("vkCreateDevice", result),
             })?;
@@ -181,6 +186,8 @@ impl Gpu {
             poison: options.poison,
             emulates_weights: options.emulate_filter_weights,
             permutes: options.permute,
+            presents: options.presents().is_some(),
+            frames: AtomicU64::new(0),
             statistics,
             cache_file,
             cache: vk::PipelineCache::null(),

@@ -60,7 +60,26 @@ pub struct GpuOptions {
     /// Whether the device presents images in windows ([`Screen`](crate::window::Screen)). An error where it cannot.
     #[cfg(feature = "window")]
     pub window: bool,
+    /// Whether the device presents images that no window shows ([`Screen::headless`](crate::window::Screen::headless)). An
+    /// error where it cannot.
+    #[cfg(feature = "cli")]
+    pub headless_surface: bool,
     /// Counts the device's Vulkan calls and makes some of them fail; for tests.
     #[cfg(feature = "testing")]
     pub inject: Option<Injection>,
+}
+
+impl GpuOptions {
+    /// Returns whether the device presents images, with the name of what it then needs.
+    pub(super) fn presents(&self) -> Option<&'static str> {
+        #[cfg(feature = "cli")]
+        if self.headless_surface {
+            return Some("a headless surface");
+        }
+        #[cfg(feature = "window")]
+        if self.window {
+            return Some("a window");
+        }
+        None
+    }
 }

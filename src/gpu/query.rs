@@ -65,10 +65,16 @@ impl Gpu {
             OptionalFeature::BufferAddresses => enabled.buffer_device_address,
             OptionalFeature::MemoryBudget => enabled.has(ext::memory_budget::NAME),
             OptionalFeature::Timestamps => candidate.timestamp_bits > 0,
+            OptionalFeature::FrameBoundary => self.inner.owned && enabled.has(ext::frame_boundary::NAME),
             // Those of formats have returned.
             _ => self.inner.debug.is_some(),
         };
         is_there && !without.contains(&feature)
+    }
+
+    /// Returns whether the device was opened to present images.
+    pub(crate) fn presents(&self) -> bool {
+        self.inner.presents
     }
 
     /// Returns the device memory that this crate may use in total, in bytes.

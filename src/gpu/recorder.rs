@@ -11,7 +11,7 @@ use super::buffer::Buffer;
 use super::descriptors::Descriptors;
 use super::device::Gpu;
 use super::external::CommandBuffer;
-#[cfg(feature = "window")]
+#[cfg(feature = "cli")]
 use super::external::TargetImage;
 use super::image::{Image, whole};
 use super::instance::c_name;
@@ -191,13 +191,13 @@ impl<'a> Recorder<'a> {
     }
 
     /// Declares that a swapchain has handed an image over.
-    #[cfg(feature = "window")]
+    #[cfg(feature = "cli")]
     pub(crate) fn assume_acquired(&mut self, target: &TargetImage) {
         self.inherit(Used::Target(*target), Use::Acquired);
     }
 
     /// Makes an image of a swapchain ready to be shown.
-    #[cfg(feature = "window")]
+    #[cfg(feature = "cli")]
     pub(crate) fn leave_presented(&mut self, target: &TargetImage) {
         self.leave_used(Used::Target(*target), Use::Presented);
     }

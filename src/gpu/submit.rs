@@ -1,10 +1,14 @@
 //! Command buffers of the crate: recording, submission, and waits with a time limit.
 
+use std::sync::atomic::Ordering;
+
 use ash::vk;
 use serde::Serialize;
 
 use super::device::Gpu;
 use super::external::CommandBuffer;
+use super::feature::OptionalFeature;
+use super::image::Image;
 use super::recorder::{Keep, Recorder};
 use crate::error::{Error, Result};
 
@@ -106,13 +110,35 @@ impl Commands {
 
     /// Ends recording and submits without waiting. `keep` is held until [`Commands::settle`] has waited.
     pub(crate) fn send(&mut self, keep: Keep) -> Result<()> {
+        self.send_marked(keep, None)
+    }
+
+    /// Does as [`Commands::send`] with the last submission of a frame. Where the device takes marks, it says that the frame ends here,
+    /// and that `image` shows it.
+    pub(crate) fn send_frame(&mut self, keep: Keep, image: Option<&Image>) -> Result<()> {
+        if !self.gpu.has(OptionalFeature::FrameBoundary) {
+            return self.send(keep);
+        }
+        let images: Vec<_> = image.iter().map(|image| image.raw).collect();
+        let end = vk::FrameBoundaryEXT::default()
+            .flags(vk::FrameBoundaryFlagsEXT::FRAME_END)
+            .frame_id(self.gpu.inner.frames.fetch_add(1, Ordering::Relaxed))
+            .images(&images);
+        self.send_marked(keep, Some(end))
+    }
+
+    fn send_marked(&mut self, keep: Keep, mut mark: Option<vk::FrameBoundaryEXT<'_>>) -> Result<()> {
         let device = self.gpu.device();
         // SAFETY: recording was begun and every rendering ended.
         unsafe { device.end_command_buffer(self.buffer.raw()) }
             .map_err(|result| self.gpu.failed("vkEndCommandBuffer", result))?;
         let info = |raw| vk::CommandBufferSubmitInfo::default().command_buffer(raw);
         let buffers: Vec<_> = self.buffer.all().into_iter().map(info).collect();
-        let submits = [vk::SubmitInfo2::default().command_buffer_infos(&buffers)];
+        let mut submit = vk::SubmitInfo2::default().command_buffer_infos(&buffers);
+        if let Some(mark) = &mut mark {
+            submit = submit.push_next(mark);
+        }
+        let submits = [submit];
         let submitted = self.gpu.with_queue(|queue| {
             // SAFETY: the queue is locked; the fence is unsignalled and unused; `keep` holds the recorded
             // resources, and this object holds `keep` until the fence has signalled.

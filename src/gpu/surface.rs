@@ -1,13 +1,15 @@
-//! The surface of a window and its swapchain.
+//! The surface of a window, or one that nothing shows, and its swapchain.
 //!
 //! The host waits for a fence before it draws into an image, and presents it only after the submission has ended. So no semaphores
 //! are needed, and nothing is in flight between two frames.
 
 use std::any::Any;
+#[cfg(feature = "window")]
 use std::ffi::CStr;
 use std::sync::Arc;
 
-use ash::{khr, vk};
+use ash::{ext, khr, vk};
+#[cfg(feature = "window")]
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
 use super::device::Gpu;
@@ -18,7 +20,7 @@ use crate::error::{Error, Result};
 /// Time limit of a wait for an image, in nanoseconds. A hidden window may get none.
 const PATIENCE: u64 = 1_000_000_000;
 
-/// The surface of a window with its swapchain. It keeps the window alive.
+/// A surface with its swapchain. It keeps the window alive.
 pub(crate) struct Surface {
     gpu: Gpu,
     instance: khr::surface::Instance,
@@ -32,7 +34,7 @@ pub(crate) struct Surface {
     stale: bool,
     /// Signalled when an image is handed over.
     acquired: vk::Fence,
-    _window: Arc<dyn Any + Send + Sync>,
+    _window: Option<Arc<dyn Any + Send + Sync>>,
 }
 
 impl std::fmt::Debug for Surface {
@@ -46,6 +48,7 @@ impl std::fmt::Debug for Surface {
 
 impl Surface {
     /// Makes the surface of a window, for a device that [`GpuOptions::window`](super::GpuOptions::window) has opened.
+    #[cfg(feature = "window")]
     pub(crate) fn new<W>(gpu: &Gpu, window: Arc<W>) -> Result<Self>
     where
         W: HasDisplayHandle + HasWindowHandle + Send + Sync + 'static,
@@ -70,6 +73,29 @@ impl Surface {
         // `Gpu`, and so the instance.
         let raw = unsafe { ash_window::create_surface(own.entry(), &own.raw, display, handle, None) }
             .map_err(|result| gpu.failed("vkCreateSurfaceKHR", result))?;
+        Self::of(gpu, raw, Some(window))
+    }
+
+    /// Makes a surface that nothing shows, for a device that [`GpuOptions::headless_surface`](super::GpuOptions::headless_surface)
+    /// has opened.
+    pub(crate) fn headless(gpu: &Gpu) -> Result<Self> {
+        gpu.alive()?;
+        let own = &gpu.inner.instance;
+        if !own.surfaces.contains(&ext::headless_surface::NAME) {
+            let why = "VK_EXT_headless_surface: GpuOptions::headless_surface enables it where it is there";
+            return Err(Error::unsupported("a headless surface", why));
+        }
+        let functions = ext::headless_surface::Instance::new(own.entry(), &own.raw);
+        // SAFETY: the extension is enabled; the surface holds the `Gpu`, and so the instance.
+        let raw =
+            unsafe { functions.create_headless_surface(&vk::HeadlessSurfaceCreateInfoEXT::default(), None) }
+                .map_err(|result| gpu.failed("vkCreateHeadlessSurfaceEXT", result))?;
+        Self::of(gpu, raw, None)
+    }
+
+    /// Wraps a surface of the device's instance, whose format is chosen here.
+    fn of(gpu: &Gpu, raw: vk::SurfaceKHR, window: Option<Arc<dyn Any + Send + Sync>>) -> Result<Self> {
+        let own = &gpu.inner.instance;
         // `surface` owns `raw` from here on, so every `?` below destroys it.
         let mut surface = Self {
             gpu: gpu.clone(),
@@ -106,7 +132,7 @@ impl Surface {
         if !presents {
             let why =
                 format!("{} does not present on this display: --device selects another", gpu.report().name);
-            return Err(Error::unsupported("a window", why));
+            return Err(Error::unsupported("a surface", why));
         }
         // SAFETY: device and surface are of one instance, and the device presents on the surface.
         let formats = unsafe { self.instance.get_physical_device_surface_formats(device, self.raw) }
@@ -115,7 +141,7 @@ impl Surface {
             matches!(format.format, vk::Format::B8G8R8A8_UNORM | vk::Format::R8G8B8A8_UNORM)
                 && format.color_space == vk::ColorSpaceKHR::SRGB_NONLINEAR
         };
-        let lacks = || Error::unsupported("a window", format!("8-bit RGBA surfaces: there are {formats:?}"));
+        let lacks = || Error::unsupported("a surface", format!("8-bit RGBA surfaces: there are {formats:?}"));
         formats.iter().find(fits).copied().ok_or_else(lacks)
     }
 

@@ -40,10 +40,10 @@ pub(crate) enum Use {
     /// Any later shader samples or reads it.
     AnyShaderRead,
     /// The window's system has handed it over; its contents are undefined.
-    #[cfg(feature = "window")]
+    #[cfg(feature = "cli")]
     Acquired,
     /// The window's system shows it.
-    #[cfg(feature = "window")]
+    #[cfg(feature = "cli")]
     Presented,
 }
 
@@ -69,9 +69,9 @@ impl Use {
             Self::ColorAttachment => (Stage::COLOR_ATTACHMENT_OUTPUT, blended, L::COLOR_ATTACHMENT_OPTIMAL),
             Self::AnyShaderRead => (Stage::ALL_COMMANDS, Access::SHADER_READ | Access::UNIFORM_READ, shader),
             // The host waits for a fence before it submits, and for the submission before it presents.
-            #[cfg(feature = "window")]
+            #[cfg(feature = "cli")]
             Self::Acquired => (Stage::COLOR_ATTACHMENT_OUTPUT, Access::NONE, L::UNDEFINED),
-            #[cfg(feature = "window")]
+            #[cfg(feature = "cli")]
             Self::Presented => (Stage::COLOR_ATTACHMENT_OUTPUT, Access::NONE, L::PRESENT_SRC_KHR),
         }
     }

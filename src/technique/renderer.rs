@@ -214,7 +214,8 @@ impl Frames {
         let begin = Instant::now();
         let recorded = self.plan.record(self.commands.begin()?, None, None)?;
         // `commands` keeps the resources of the frame for as long as the submission may run.
-        if let Err(error) = self.commands.send(recorded.keep()) {
+        let image = self.plan.image().map(|(image, _)| &**image);
+        if let Err(error) = self.commands.send_frame(recorded.keep(), image) {
             recorded.discarded();
             return Err(error);
         }

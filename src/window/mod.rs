@@ -1,11 +1,12 @@
 //! A window shows the picture of [`Frames`], and over it the triangles of a panel, which any toolkit may make. Behind the feature
-//! `window`.
+//! `window`; without it there are surfaces that nothing shows.
 //!
-//! The surface of the window is in `gpu`. This room uses `frame`, `technique` and `gpu`; the program uses it.
+//! The surface is in `gpu`. This room uses `frame`, `technique` and `gpu`; the program uses it.
 
 use std::sync::Arc;
 
 use ash::vk;
+#[cfg(feature = "window")]
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
 use crate::error::{Error, Result};
@@ -52,11 +53,26 @@ impl Screen {
     /// # Errors
     ///
     /// [`Error::Unsupported`] where the device cannot present on the display, [`Error::Vulkan`] when a call fails.
+    #[cfg(feature = "window")]
     pub fn new<W>(gpu: &Gpu, window: Arc<W>) -> Result<Self>
     where
         W: HasDisplayHandle + HasWindowHandle + Send + Sync + 'static,
     {
-        let surface = Surface::new(gpu, window)?;
+        Self::of(gpu, Surface::new(gpu, window)?)
+    }
+
+    /// Makes a screen that nothing shows, for a device opened with
+    /// [`GpuOptions::headless_surface`](crate::gpu::GpuOptions::headless_surface). Layers that capture frames find their ends in what it
+    /// presents.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Unsupported`] where the device cannot present, [`Error::Vulkan`] when a call fails.
+    pub fn headless(gpu: &Gpu) -> Result<Self> {
+        Self::of(gpu, Surface::headless(gpu)?)
+    }
+
+    fn of(gpu: &Gpu, surface: Surface) -> Result<Self> {
         Ok(Self { gpu: gpu.clone(), surface, commands: Commands::new(gpu)?, atlas: None })
     }
 

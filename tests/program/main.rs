@@ -15,6 +15,7 @@ mod common;
 mod folder;
 
 mod annotations;
+mod captures;
 mod cli;
 mod dependant;
 mod examples;

@@ -82,8 +82,19 @@ impl DeviceArgs {
 
     /// Opens the device, and returns it with its validation log, which outlives it.
     pub(crate) fn open(&self, validate: bool) -> Result<(Gpu, Arc<ValidationLog>)> {
-        let validation = if validate { Validation::On } else { Validation::Off };
-        let gpu = Gpu::new(&GpuOptions { validation, ..self.options() })?;
+        self.open_with(validate, |_| ())
+    }
+
+    /// Does as [`DeviceArgs::open`], with options that `ask` changes.
+    pub(crate) fn open_with(
+        &self,
+        validate: bool,
+        ask: impl FnOnce(&mut GpuOptions),
+    ) -> Result<(Gpu, Arc<ValidationLog>)> {
+        let mut options = self.options();
+        options.validation = if validate { Validation::On } else { Validation::Off };
+        ask(&mut options);
+        let gpu = Gpu::new(&options)?;
         let log = gpu.validation_log();
         Ok((gpu, log))
     }

@@ -14,6 +14,7 @@ use volraster::scene::View;
 use volraster::technique::{FrameTime, Frames};
 use volraster::{GpuScene, Image, Renderer, Result, Technique};
 
+use super::present::Presenter;
 use super::sink::{Pictures, Sink};
 use super::stats::{Drawn, Setup};
 use crate::cli::annotate::Annotations;
@@ -95,6 +96,7 @@ impl Film<'_> {
         scene: &Arc<GpuScene>,
         range: Option<[f64; 2]>,
         load_and_open_ms: [f64; 2],
+        presenter: &mut Presenter,
     ) -> std::result::Result<Drawn, Failure> {
         interrupt::watch();
         let view = &self.views[0];
@@ -102,6 +104,7 @@ impl Film<'_> {
         let mut frames = Renderer::new(scene, self.technique).frames(view)?;
         let setup = Setup::of(scene, self.technique, start, frames.plan());
         let first = frames.draw(view)?;
+        presenter.present(&frames)?;
         let image = frames.read_back()?;
         let (drawn, pictures) = sync_channel(1);
         // Writers own the end that receives, so that sending fails when all have ended.
@@ -115,7 +118,8 @@ impl Film<'_> {
             drop(pictures);
             let (prepared, next) = sync_channel(0);
             let reader = is_series.then(|| scope.spawn(|| self.read_steps(scene, prepared)));
-            let times = self.draw_frames(frames, is_series.then_some(next), (&first, &image), drawn);
+            let next = is_series.then_some(next);
+            let times = self.draw_frames(frames, next, (&first, &image), drawn, presenter);
             let ranges = reader.map(joined).unwrap_or_default();
             // An error of writing ends drawing.
             writers.into_iter().map(joined).collect::<Result<Vec<()>>>()?;
@@ -155,6 +159,7 @@ impl Film<'_> {
         next: Option<Receiver<Prepared>>,
         (first, image): (&FrameTime, &Image),
         drawn: SyncSender<(usize, Image)>,
+        presenter: &mut Presenter,
     ) -> Result<Vec<FrameTime>> {
         let bar = output::progress(self.views.len() as u64, "frames");
         let mut times = vec![first.clone()];
@@ -176,6 +181,7 @@ impl Film<'_> {
                 Some(Err(_)) => break,
             }
             times.push(frames.draw(view)?);
+            presenter.present(&frames)?;
             sent = drawn.send((i, annotated(frames.read_back()?, view)?));
         }
         bar.finish_and_clear();

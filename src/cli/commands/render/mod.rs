@@ -1,11 +1,12 @@
 //! `volraster render`: draws an image and measures frame times, or draws the frames of a film.
 //!
 //! `picture` draws one image; `film` draws the frames of a camera that moves or of a series of time steps, and `sink` is
-//! where they go; `stats` reports what was measured, and `chosen` an automatic choice.
+//! where they go; `present` presents them; `stats` reports what was measured, and `chosen` an automatic choice.
 
 mod chosen;
 mod film;
 mod picture;
+mod present;
 mod sink;
 mod stats;
 
@@ -18,6 +19,7 @@ use volraster::scene::View;
 use volraster::{Error, GpuScene, Result, choice};
 
 use self::film::{Film, Steps};
+use self::present::{Presenter, Target};
 use self::sink::Sink;
 use crate::cli::annotate::AnnotationArgs;
 use crate::cli::input::{ArraysArgs, ChoiceArgs, DeviceArgs, Input, LookArgs, Size, finite, positive};
@@ -71,6 +73,9 @@ pub(crate) struct Args {
     /// repaired or not.
     #[arg(long, value_name = "FILE.png")]
     overflow_map: Option<PathBuf>,
+    /// Present each frame, too, for tools that capture what a program presents (tools/captures.sh).
+    #[arg(long, value_name = "TARGET")]
+    present: Option<Target>,
     #[command(flatten)]
     device: DeviceArgs,
     /// Enable core and synchronization validation; any message makes the exit code 1.
@@ -99,7 +104,12 @@ impl Args {
         }
 
         let start = Instant::now();
-        let (gpu, log) = self.device.open(self.validate)?;
+        let (gpu, log) = self.device.open_with(self.validate, |options| {
+            if let Some(target) = self.present {
+                target.ask(options);
+            }
+        })?;
+        let mut presenter = Presenter::new(&gpu, self.present, &settings.view, settings.background)?;
         let open_ms = milliseconds_since(start);
         let scene = GpuScene::new(&gpu, scene);
         let mut chosen = None;
@@ -113,16 +123,16 @@ impl Args {
         drop(gpu);
         let load_and_open = [settings.load_ms, open_ms];
         let (drawn, map) = match &sink {
-            None => self.draw(&scene, technique, &settings.view, &views, load_and_open)?,
+            None => self.draw(&scene, technique, &settings.view, &views, load_and_open, &mut presenter)?,
             Some(sink) => {
                 let range = (settings.transfer_is_automatic && !quiet).then(|| scene.scene().data.range());
                 let background = settings.background;
                 let film = Film { technique, views: &views, steps, sink, background, annotations };
-                (film.draw(&scene, range, load_and_open)?, None)
+                (film.draw(&scene, range, load_and_open, &mut presenter)?, None)
             }
         };
         let nothing = why_nothing(&drawn.image, scene.scene(), &settings.view);
-        drop(scene);
+        drop((scene, presenter));
         let mut stats = drawn.stats;
         if let Some((choice, ms, load)) = &chosen {
             stats["choice"] = chosen::json(choice, self.choice.goal(), *ms, load.as_ref());
@@ -176,6 +186,9 @@ impl Args {
             return wrong("--in-flight", "numbered images and films are drawn frame by frame");
         } else if self.overflow_map.is_some() {
             return wrong("--overflow-map", "is for a single image");
+        }
+        if self.present.is_some() && self.in_flight > 1 {
+            return wrong("--in-flight", "frames are presented one by one");
         }
         let mut taken = vec![(&self.output, "the image")];
         taken.extend(files.iter().map(|file| (file, "the input")));

@@ -8,6 +8,7 @@ use volraster::technique::FrameTime;
 use volraster::{Error, GpuScene, Image, Result, Technique};
 
 use super::Args;
+use super::present::Presenter;
 use super::stats::{Drawn, Setup};
 use crate::cli::in_flight::InFlight;
 
@@ -20,12 +21,14 @@ impl Args {
         view: &View,
         timed: &[View],
         load_and_open_ms: [f64; 2],
+        presenter: &mut Presenter,
     ) -> Result<(Drawn, Option<Image>)> {
         let start = Instant::now();
         let mut plans = InFlight::new(scene, technique, view, self.in_flight)?;
         let drawing = plans.first();
         let setup = Setup::of(scene, technique, start, drawing.plan());
         let first = drawing.draw(view)?;
+        presenter.present(drawing)?;
         let image = drawing.read_back()?;
         let map = if self.overflow_map.is_some() {
             let Some(map) = drawing.overflow_map()? else {
@@ -37,7 +40,12 @@ impl Args {
         } else {
             None
         };
-        let frames: Vec<FrameTime> = timed.iter().map(|view| plans.draw(view)).collect::<Result<_>>()?;
+        let frame = |view| {
+            let time = plans.draw(view)?;
+            presenter.present(plans.first())?;
+            Ok(time)
+        };
+        let frames: Vec<FrameTime> = timed.iter().map(frame).collect::<Result<_>>()?;
         drop(plans);
         let counts = self.stats.is_some();
         let drawn = setup.report(scene, image, (view, first), &frames, load_and_open_ms, counts)?;
