@@ -2,7 +2,6 @@
 // entry compute  COPY
 // entry compute  STORE
 // entry compute  SAMPLE
-// entry vertex   VERTEX
 // entry fragment COLOUR
 // entry fragment KBUFFER
 //
@@ -57,12 +56,6 @@ layout(set = 0, binding = BINDING_RESULT, std430) writeonly buffer Result {
 } result;
 void main() {
     result.words[0] = floatBitsToUint(textureLod(source, vec2(0.5), 0.0).r);
-}
-#endif
-
-#ifdef VERTEX
-void main() {
-    gl_Position = vec4(gl_VertexIndex == 1 ? 3.0 : -1.0, gl_VertexIndex == 2 ? 3.0 : -1.0, 0.0, 1.0);
 }
 #endif
 

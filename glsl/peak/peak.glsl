@@ -4,7 +4,6 @@
 // entry compute IMAGE
 // entry compute ATOMIC
 // entry compute EXPONENTIAL
-// entry vertex   VERTEX
 // entry fragment FRAGMENT
 //
 // Micro-benchmarks: each entry does one kind of work, and as little else as it can. Results are stored only under a condition that never
@@ -15,16 +14,14 @@
 //   COPY, IMAGE  copy a buffer and an image, 16 bytes per invocation
 //   ATOMIC       adds to PEAK_ATOMICS words far apart
 //   EXPONENTIAL  computes PEAK_EXPONENTIALS of them, eight independent of each other at a time
-//   VERTEX, FRAGMENT  cover the attachment with a faint colour; fixed function blends
+//   FRAGMENT     has a faint colour, which fixed function blends
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
 #include "interface.glsl"
 #ifndef FRAGMENT
-#ifndef VERTEX
 #include "shared/device.glsl"
 layout(local_size_x = 64) in;
-#endif
 #endif
 
 #if defined(COPY) || defined(ATOMIC)
@@ -33,18 +30,16 @@ layout(push_constant, std430) uniform PeakPush {
 } push;
 #endif
 
-#if defined(FETCH) || defined(TEXEL)
-layout(set = 0, binding = BINDING_VOLUME) uniform sampler3D volume;
-#endif
-
 #if defined(FETCH) || defined(TEXEL) || defined(EXPONENTIAL) || defined(ATOMIC)
 layout(set = 0, binding = BINDING_RESULT, std430) buffer Result {
     uint words[];
 } result;
 #endif
 
-// Returns where the ray of this invocation begins, in voxels: those of a workgroup are an 8 x 8 tile of pixels half a voxel apart.
 #if defined(FETCH) || defined(TEXEL)
+layout(set = 0, binding = BINDING_VOLUME) uniform sampler3D volume;
+
+// Returns where the ray of this invocation begins, in voxels: those of a workgroup are an 8 x 8 tile of pixels half a voxel apart.
 vec2 ray() {
     uint tile = WORKGROUP_NUMBER & 127u;
     return vec2(tile & 15u, tile >> 4u) * 4.0 + vec2(gl_LocalInvocationIndex & 7u, gl_LocalInvocationIndex >> 3u) * 0.5 + 0.25;
@@ -118,12 +113,6 @@ void main() {
         b = exp(-b);
     }
     if (dot(a, b) < 0.0) result.words[0] = 1u;
-}
-#endif
-
-#ifdef VERTEX
-void main() {
-    gl_Position = vec4(gl_VertexIndex == 1 ? 3.0 : -1.0, gl_VertexIndex == 2 ? 3.0 : -1.0, 0.0, 1.0);
 }
 #endif
 

@@ -1,4 +1,3 @@
-// entry vertex   VERTEX
 // entry fragment FRAGMENT
 //
 // Draws a picture into a rectangle of a window: composited over a background, encoded as sRGB unless it is displayed as it is, magnified where it has fewer pixels
@@ -8,13 +7,6 @@
 
 #include "interface.glsl"
 
-#ifdef VERTEX
-void main() {
-    gl_Position = vec4(gl_VertexIndex == 1 ? 3.0 : -1.0, gl_VertexIndex == 2 ? 3.0 : -1.0, 0.0, 1.0);
-}
-#endif
-
-#ifdef FRAGMENT
 layout(set = 0, binding = BINDING_SOURCE) uniform sampler2D source;
 layout(location = 0) out vec4 colour;
 
@@ -49,4 +41,3 @@ void main() {
     bvec3 kept = lessThanEqual(linear, vec3(0.0031308));
     colour = vec4(push.displayed != 0u ? linear : mix(curved, 12.92 * linear, kept), 1.0);
 }
-#endif

@@ -127,7 +127,21 @@ impl Enabled {
     pub unsafe fn useful(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Result<Self> {
         // SAFETY: `physical` belongs to this instance.
         let offered = unsafe { extensions(instance, physical) }?;
-        let has = |name: &CStr| offered.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        // SAFETY: the caller's promise.
+        Ok(unsafe { Self::of_offered(instance, physical, &offered) })
+    }
+
+    /// Returns everything that the crate uses of a device that offers these extensions.
+    ///
+    /// # Safety
+    ///
+    /// As for [`Enabled::useful`].
+    unsafe fn of_offered(
+        instance: &ash::Instance,
+        physical: vk::PhysicalDevice,
+        offered: &[vk::ExtensionProperties],
+    ) -> Self {
+        let has = |name: &CStr| offers(offered, name);
         let has_interlock = has(ext::fragment_shader_interlock::NAME);
         let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default();
         let mut features13 = vk::PhysicalDeviceVulkan13Features::default();
@@ -151,14 +165,14 @@ impl Enabled {
         if pixel_interlock {
             extensions.push(ext::fragment_shader_interlock::NAME.to_owned());
         }
-        Ok(Self {
+        Self {
             extensions,
             synchronization2: features13.synchronization2 == vk::TRUE,
             dynamic_rendering: features13.dynamic_rendering == vk::TRUE,
             buffer_device_address: features12.buffer_device_address == vk::TRUE,
             fragment_stores_and_atomics: stores,
             fragment_shader_pixel_interlock: pixel_interlock,
-        })
+        }
     }
 
     /// Returns what the crate enables on a device of its own: everything useful except for the features `without`, and marks of frames
@@ -174,12 +188,10 @@ impl Enabled {
         without: &[OptionalFeature],
     ) -> Result<Self> {
         // SAFETY: the caller's promise.
-        let mut enabled = unsafe { Self::useful(instance, physical) }?;
-        // SAFETY: the caller's promise.
         let offered = unsafe { extensions(instance, physical) }?;
-        let marks =
-            |e: &vk::ExtensionProperties| e.extension_name_as_c_str() == Ok(ext::frame_boundary::NAME);
-        if !presents && offered.iter().any(marks) {
+        // SAFETY: the caller's promise.
+        let mut enabled = unsafe { Self::of_offered(instance, physical, &offered) };
+        if !presents && offers(&offered, ext::frame_boundary::NAME) {
             enabled.extensions.push(ext::frame_boundary::NAME.to_owned());
         }
         Ok(enabled.without(without))
@@ -291,6 +303,11 @@ unsafe fn extensions(
     // SAFETY: the caller's promise; no layer is named.
     unsafe { instance.enumerate_device_extension_properties(physical) }
         .map_err(|result| Error::Vulkan { call: "vkEnumerateDeviceExtensionProperties", result })
+}
+
+/// Returns whether an extension is among those that a device offers.
+fn offers(offered: &[vk::ExtensionProperties], name: &CStr) -> bool {
+    offered.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name))
 }
 
 /// A valid structure of a chain of `vkCreateDevice`, with the type that it names.

@@ -11,9 +11,9 @@ use ash::vk;
 
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
-    PEAK_ATOMIC, PEAK_ATOMICS, PEAK_COPY, PEAK_EXPONENTIAL, PEAK_EXPONENTIALS, PEAK_FETCH, PEAK_FETCHES,
-    PEAK_FRAGMENT, PEAK_IMAGE, PEAK_SIDE, PEAK_TEXEL, PEAK_VERTEX, PeakAtomic, PeakCopy, PeakFetch,
-    PeakImage, PeakVertex,
+    COMPOSITE_VERTEX, CompositeVertex, PEAK_ATOMIC, PEAK_ATOMICS, PEAK_COPY, PEAK_EXPONENTIAL,
+    PEAK_EXPONENTIALS, PEAK_FETCH, PEAK_FETCHES, PEAK_FRAGMENT, PEAK_IMAGE, PEAK_SIDE, PEAK_TEXEL,
+    PeakAtomic, PeakCopy, PeakFetch, PeakFragment, PeakImage,
 };
 use crate::gpu::{
     Attachment, Blend, Bound, Buffer, BufferUse, Commands, Descriptors, Gpu, GraphicsState, Image, ImageDesc,
@@ -181,7 +181,7 @@ fn blended(gpu: &Gpu, format: vk::Format) -> Result<f64> {
     if !gpu.image_features(format).contains(vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND) {
         return Err(Error::unsupported("peak", format!("blending of {format:?}")));
     }
-    let bound = PEAK_VERTEX.with(&PeakVertex {}).and(PEAK_FRAGMENT.with(&PeakVertex {}));
+    let bound = COMPOSITE_VERTEX.with(&CompositeVertex {}).and(PEAK_FRAGMENT.with(&PeakFragment {}));
     let topology = vk::PrimitiveTopology::TRIANGLE_LIST;
     let state = GraphicsState { topology, blend: Blend::Over, format: Some(format) };
     let pipeline = gpu.graphics_pipeline("peak.blended", &bound, state)?;

@@ -11,8 +11,8 @@ use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
-    PANEL_FRAGMENT, PANEL_VERTEX, PICTURE_FRAGMENT, PICTURE_VERTEX, PanelFragment, PanelVertex,
-    PictureFragment, PictureVertex,
+    self, COMPOSITE_VERTEX, CompositeVertex, PANEL_FRAGMENT, PANEL_VERTEX, PICTURE_FRAGMENT, PanelFragment,
+    PanelVertex,
 };
 use crate::gpu::{
     Attachment, Blend, Bound, Buffer, Commands, Descriptors, Gpu, GraphicsState, Image, ImageDesc, Pipeline,
@@ -138,8 +138,8 @@ impl Screen {
 
     /// Makes the draw of a picture.
     fn picture(&self, picture: &Picture<'_>, image: &Arc<Image>) -> Result<(Draw, PicturePush)> {
-        let fragment = PictureFragment { source: image.sampled(vk::Filter::NEAREST) };
-        let bound = PICTURE_VERTEX.with(&PictureVertex {}).and(PICTURE_FRAGMENT.with(&fragment));
+        let fragment = shader::Picture { source: image.sampled(vk::Filter::NEAREST) };
+        let bound = COMPOSITE_VERTEX.with(&CompositeVertex {}).and(PICTURE_FRAGMENT.with(&fragment));
         let is_displayed = picture.frames.colours() == Colours::Displayed;
         let [r, g, b, a] = picture.background;
         let [r, g, b] = if is_displayed { [r, g, b].map(srgb) } else { [r, g, b] };

@@ -5,7 +5,7 @@ use ash::vk;
 use super::fault::{Failure, Fault};
 use super::ground::{BYTES, FORMAT, Ground, SIDE};
 use super::synchronization::{Use, attachment, draw};
-use crate::gpu::shader::{FAULTS_COLOUR, FAULTS_VERTEX};
+use crate::gpu::shader::{COMPOSITE_VERTEX, FAULTS_COLOUR};
 
 pub(super) const FAULTS: [Fault; 15] = [
     Fault::new(
@@ -141,7 +141,7 @@ pub(super) const FAULTS: [Fault; 15] = [
         &["VUID-vkCmdDraw-renderpass"],
         |ground| {
             let (_, commands) = ground.commands()?;
-            let pipeline = ground.graphics(&FAULTS_VERTEX, &FAULTS_COLOUR, Some(FORMAT))?;
+            let pipeline = ground.graphics(&COMPOSITE_VERTEX, &FAULTS_COLOUR, Some(FORMAT))?;
             ground.bind(commands, &pipeline, None);
             ground.viewport(commands);
             // SAFETY: the fault is the rendering that is missing; the recording is not submitted.
@@ -177,7 +177,7 @@ pub(super) const FAULTS: [Fault; 15] = [
         ],
         |ground| {
             let pipeline =
-                ground.graphics(&FAULTS_VERTEX, &FAULTS_COLOUR, Some(vk::Format::R8G8B8A8_UNORM))?;
+                ground.graphics(&COMPOSITE_VERTEX, &FAULTS_COLOUR, Some(vk::Format::R8G8B8A8_UNORM))?;
             draw(ground, |commands| {
                 ground.viewport(commands);
                 ground.bind(commands, &pipeline, None);

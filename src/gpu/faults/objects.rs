@@ -6,7 +6,7 @@ use super::fault::Fault;
 use super::ground::{BYTES, FORMAT, Ground, SIDE, range, rows};
 use super::synchronization::{sample, stored};
 use crate::gpu::feature::OptionalFeature;
-use crate::gpu::shader::{FAULTS_KBUFFER, FAULTS_VERTEX};
+use crate::gpu::shader::{COMPOSITE_VERTEX, FAULTS_KBUFFER};
 use crate::gpu::validation::Validation;
 
 pub(super) const FAULTS: [Fault; 24] = [
@@ -349,7 +349,7 @@ pub(super) const FAULTS: [Fault; 24] = [
         "a fragment shader writes a k-buffer on a device opened without fragmentStoresAndAtomics",
         &["VUID-RuntimeSpirv-NonWritable-06340"],
         |ground| {
-            ground.graphics(&FAULTS_VERTEX, &FAULTS_KBUFFER, Some(FORMAT))?;
+            ground.graphics(&COMPOSITE_VERTEX, &FAULTS_KBUFFER, Some(FORMAT))?;
             Ok(())
         },
     )

@@ -7,7 +7,7 @@ use super::fault::{Failure, Fault, Outcome};
 use super::ground::{BYTES, FORMAT, Ground, Picture, SIDE, all_of, rows};
 use crate::gpu::pipeline::Pipeline;
 use crate::gpu::shader::{
-    FAULTS_COLOUR, FAULTS_COPY, FAULTS_KBUFFER, FAULTS_SAMPLE, FAULTS_STORE, FAULTS_VERTEX,
+    COMPOSITE_VERTEX, FAULTS_COLOUR, FAULTS_COPY, FAULTS_KBUFFER, FAULTS_SAMPLE, FAULTS_STORE,
 };
 
 const READ_AFTER_WRITE: &[&str] = &["SYNC-HAZARD-READ-AFTER-WRITE", "SYNC-HAZARD-READ_AFTER_WRITE"];
@@ -170,7 +170,7 @@ pub(super) const FAULTS: [Fault; 10] = [
         |ground| {
             let (_, commands) = ground.commands()?;
             let picture = stored(ground, commands)?;
-            let pipeline = ground.graphics(&FAULTS_VERTEX, &FAULTS_KBUFFER, Some(FORMAT))?;
+            let pipeline = ground.graphics(&COMPOSITE_VERTEX, &FAULTS_KBUFFER, Some(FORMAT))?;
             let set = ground.set(&pipeline)?;
             let layout = vk::ImageLayout::GENERAL;
             ground.write_image(&pipeline, set, picture.view, layout)?;
@@ -257,7 +257,7 @@ pub(super) fn draw(ground: &Ground<'_>, between: impl FnOnce(vk::CommandBuffer))
     let (_, commands) = ground.commands()?;
     let target = ground.picture(FORMAT, attachment())?;
     ground.transition(commands, target.image, [vk::ImageLayout::UNDEFINED, vk::ImageLayout::GENERAL]);
-    let pipeline = ground.graphics(&FAULTS_VERTEX, &FAULTS_COLOUR, Some(FORMAT))?;
+    let pipeline = ground.graphics(&COMPOSITE_VERTEX, &FAULTS_COLOUR, Some(FORMAT))?;
     ground.begin_rendering(commands, Some(target.view), SIDE);
     ground.bind(commands, &pipeline, None);
     between(commands);

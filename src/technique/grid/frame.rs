@@ -276,10 +276,9 @@ impl Prepared for GridFrame {
         let draws = draws(&steps);
         let mut counters =
             vec![("slices", u64::from(self.cut.count)), ("dispatches_or_draws", u64::from(draws))];
-        let axis = self.samples.get(self.current).and_then(|samples| samples.axis);
-        counters.extend(
-            self.samples.get(self.current).map(|samples| ("voxel_bytes", samples.volume.voxel_bytes())),
-        );
+        let samples = self.samples.get(self.current);
+        counters.extend(samples.map(|samples| ("voxel_bytes", samples.volume.voxel_bytes())));
+        let axis = samples.and_then(|samples| samples.axis);
         counters.extend(axis.map(|axis| ("stack_axis", u64::from(num::count(axis)))));
         counters
     }

@@ -1,4 +1,4 @@
-//! What bounds a case: the least time that the device's peaks allow for the work of a frame, and the share of it in the time measured.
+//! Bounds of cases: the least time that the device's peaks allow for the work of a frame, and its share of the time measured.
 
 use std::collections::BTreeMap;
 
@@ -41,7 +41,7 @@ impl Peaks {
 
     /// Returns what bounds a case with counters and times.
     pub(super) fn bound(&self, case: &Record) -> Option<Bound> {
-        let measured = case.gpu_ms.as_ref().or(case.wall_ms.as_ref())?.median;
+        let measured = case.ms()?;
         let mut least_ms = BTreeMap::new();
         for (name, number) in work(case) {
             if let Some(per_second) = self.per_second(&name) {
@@ -64,7 +64,11 @@ fn work(case: &Record) -> Vec<(String, f64)> {
     }
     if let (Some(fetches), Some(bytes)) = (counter("fetches"), counter("voxel_bytes")) {
         let kind = if option("filter") == "exact" { "texels" } else { "filtered" };
-        let format = ["r8", "r16", "r32f"][if bytes < 2.0 { 0 } else { usize::from(bytes > 2.0) + 1 }];
+        let format = match bytes {
+            bytes if bytes < 2.0 => "r8",
+            bytes if bytes < 4.0 => "r16",
+            _ => "r32f",
+        };
         work.push((format!("{kind}.{format}"), fetches));
     }
     if let Some(pairs) = counter("pairs").or_else(|| counter("bin_entries")) {
@@ -75,11 +79,6 @@ fn work(case: &Record) -> Vec<(String, f64)> {
     let evaluations = counter("pairs").filter(|_| !ends).map(|pairs| pairs * EVALUATIONS);
     if let Some(number) = counter("fragments").or(evaluations) {
         work.push(("exponentials".to_string(), number));
-    }
-    if let Some(pixels) = counter("fragment_invocations") {
-        let target = option("target");
-        let format = if ["rgba8", "rgba16f"].contains(&target.as_str()) { &target } else { "rgba32f" };
-        work.push((format!("blended.{format}"), pixels));
     }
     work
 }

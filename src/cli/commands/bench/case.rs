@@ -9,7 +9,6 @@ use volraster::scene::{Data, View};
 use volraster::technique::{FrameTime, Method};
 use volraster::{GpuScene, Image, Renderer, Result, Technique};
 
-use super::bounds::Peaks;
 use super::record::Record;
 use super::required_k::RequiredK;
 use super::series::{Limits, Series};
@@ -189,7 +188,7 @@ impl Case {
     }
 
     /// Returns the record of the case.
-    pub(super) fn finish(mut self, required_k: Option<&RequiredK>, peaks: &Peaks) -> Record {
+    pub(super) fn finish(mut self, required_k: Option<&RequiredK>) -> Record {
         let sensors = self.sensors();
         let bytes = self.drawing.as_mut().map(|drawing| {
             let passes = drawing.first().plan().pass_bytes();
@@ -205,7 +204,7 @@ impl Case {
             self.series.counted().into_iter().map(|frame| self.frames[frame].clone()).collect();
         let passes = pass_medians(&frames).into_iter().map(|(name, ms)| (name, json!(ms)));
         let required_k = required_k.filter(|_| self.technique.method() == Method::Havs);
-        let record = Record {
+        Record {
             counters,
             bytes,
             required_k: required_k.map(|required| json!(required)),
@@ -218,8 +217,7 @@ impl Case {
             gpu_ms: Quantiles::gpu(&frames),
             passes_ms: passes.collect(),
             ..self.record
-        };
-        Record { bound: peaks.bound(&record), ..record }
+        }
     }
 }
 

@@ -105,15 +105,12 @@ fn fronts(view: &[&Record]) -> Option<Picture> {
     Fronts::new(view).picture(&view_title(view[0]), &format!("Error over time; {}", device(view[0])))
 }
 
-/// Returns a plot of the measured times over those that the device's peaks allow; no case lies below the roof.
+/// Returns a plot of the measured times over those that the device's peaks allow; what is given to passes and not used may put a case below the roof.
 fn roof(view: &[&Record]) -> Option<Picture> {
     let mut series: Vec<Series> = Vec::new();
     for record in view {
-        let (Some(bound), Some(time)) = (&record.bound, record.gpu_ms.as_ref().or(record.wall_ms.as_ref()))
-        else {
-            continue;
-        };
-        let point = [bound.ms(), time.median];
+        let (Some(bound), Some(ms)) = (&record.bound, record.ms()) else { continue };
+        let point = [bound.ms(), ms];
         match series.iter_mut().find(|one| one.name == record.technique) {
             Some(one) => one.line.push(point),
             None => series.push(Series {
@@ -132,9 +129,7 @@ fn roof(view: &[&Record]) -> Option<Picture> {
         line: [1e-9, 1e9].map(|least| [least, least / share]).to_vec(),
         dots: Vec::new(),
     };
-    if !series.is_empty() {
-        series.extend([("100 %", 1.0), ("10 %", 0.1), ("1 %", 0.01)].map(guide));
-    }
+    series.extend([("100 %", 1.0), ("10 %", 0.1), ("1 %", 0.01)].map(guide));
     let titles = Titles {
         title: view_title(view[0]),
         note: format!("Share of the device's peaks; {}", device(view[0])),

@@ -281,7 +281,7 @@ impl Args {
             };
             bar.set_message(output::plain(&format!("{name} {projection}")));
             let Some((records, required_k)) =
-                self.measure_view(&scene, &view, &record, sweeps, limits, bar, &results.peaks)?
+                self.measure_view(&scene, &view, &record, sweeps, limits, bar)?
             else {
                 return Ok(());
             };
@@ -305,7 +305,6 @@ impl Args {
         sweeps: &[Sweep],
         limits: Limits,
         bar: &ProgressBar,
-        peaks: &Peaks,
     ) -> Result<Option<(Vec<Record>, Option<RequiredK>)>> {
         let Some(truth) = truth(scene, view, &Cache::of_user(!self.no_cache))? else { return Ok(None) };
         let mut settings = sweeps::settings(sweeps)?;
@@ -332,10 +331,7 @@ impl Args {
             measured => measured?,
         };
         cases.retain(Case::is_done);
-        Ok(Some((
-            cases.into_iter().map(|case| case.finish(required_k.as_ref(), peaks)).collect(),
-            required_k,
-        )))
+        Ok(Some((cases.into_iter().map(|case| case.finish(required_k.as_ref())).collect(), required_k)))
     }
 }
 

@@ -1,8 +1,8 @@
 //! `volraster bench`: measures time and error of every technique, all on one device in one run.
 //!
 //! `scenes` and `sweeps` list what is measured; `command`, `workload`, `case` and `required_k` measure it.
-//! `bounds` says how much of the device's peaks they reach. Each case becomes a `record`, a line of bench.jsonl. `results`, `tables`, `fronts`, `charts` and `ratios` are made
-//! from records alone.
+//! `bounds` says how much of the device's peaks they reach. Each case becomes a `record`, a line of bench.jsonl. `results`,
+//! `tables`, `fronts`, `charts` and `ratios` are made from records alone.
 
 mod bounds;
 mod case;

@@ -115,7 +115,7 @@ pub(super) struct Record {
 /// Kernel evaluations per pair of a splat and a tile: one per pixel.
 pub(super) const EVALUATIONS: f64 = 64.0;
 
-/// What bounds the time of a frame.
+/// The bound of a frame's time.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 pub(super) struct Bound {
@@ -252,6 +252,11 @@ impl Record {
     /// Returns an error statistic as text.
     pub(super) fn error_text(&self, statistic: &str) -> String {
         self.error(statistic).map_or_else(dash, |error| format!("{error:.2e}"))
+    }
+
+    /// Returns the median time of a frame: on the device, where it has timestamps, else the wall time.
+    pub(super) fn ms(&self) -> Option<f64> {
+        Some(self.gpu_ms.as_ref().or(self.wall_ms.as_ref())?.median)
     }
 
     /// Returns the wall times.

@@ -25,7 +25,7 @@ const HEADING: [&str; 11] =
 pub(super) struct Results {
     folder: PathBuf,
     lines: File,
-    pub(super) peaks: Peaks,
+    peaks: Peaks,
     pub(super) records: Vec<Record>,
 }
 
@@ -41,7 +41,7 @@ impl Results {
         Ok(Self { folder: folder.to_path_buf(), lines, peaks, records: Vec::new() })
     }
 
-    /// Writes the records of a view, and returns its tables as text. `view` names the view.
+    /// Writes the records of a view with their bounds, and returns its tables as text. `view` names the view.
     ///
     /// # Errors
     ///
@@ -49,11 +49,12 @@ impl Results {
     pub(super) fn add(
         &mut self,
         view: &Record,
-        records: Vec<Record>,
+        mut records: Vec<Record>,
         required_k: Option<&RequiredK>,
     ) -> Result<String> {
         let mut rows = vec![HEADING.map(str::to_string).to_vec()];
-        for record in &records {
+        for record in &mut records {
+            record.bound = self.peaks.bound(record);
             rows.push(row(record));
             let line = format!("{}\n", json!(record));
             let written = self.lines.write_all(line.as_bytes()).and_then(|()| self.lines.flush());

@@ -53,9 +53,9 @@ pub(super) fn parts<'a>(
     }
     for view in views(records) {
         let title = view_title(view[0]);
-        parts.push(Part::Text(format!("{} {}.", view[0].elements, view[0].elements_name())));
-        parts.insert(parts.len() - 1, Part::Heading(title.clone()));
         let end = format!(": {title}");
+        parts.push(Part::Heading(title));
+        parts.push(Part::Text(format!("{} {}.", view[0].elements, view[0].elements_name())));
         parts.extend(charts.iter().filter(|chart| chart.title.ends_with(&end)).map(Part::Chart));
         parts.push(text("Time at equal error, in ms, of the best route and options (\"<=\": even the coarsest setting is more accurate; \"-\": not reached):"));
         parts.push(Part::Table(Fronts::new(&view).rows(), 1));
