@@ -205,12 +205,6 @@
 #define COUNTS_FETCHES 2
 #define COUNTS_WORDS 4
 
-// Work of an invocation of a micro-benchmark, and the side of the volume that it samples.
-#define PEAK_FETCHES 128
-#define PEAK_ATOMICS 16
-#define PEAK_EXPONENTIALS 512
-#define PEAK_SIDE 64
-
 #define SHEETS 4          // slabs of splats that are accumulated at a time
 #define FOOTPRINT_PARTS 8 // intervals of a ray integral without a closed form, two points each
 

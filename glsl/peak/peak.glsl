@@ -9,11 +9,11 @@
 // Micro-benchmarks: each entry does one kind of work, and as little else as it can. Results are stored only under a condition that never
 // holds and that no compiler can know.
 //
-//   FETCH        filters PEAK_FETCHES samples of a volume along a ray, half a voxel apart; the rays of a workgroup are neighbours
+//   FETCH        filters `count` samples of a volume along a ray, half a voxel apart; the rays of a workgroup are neighbours
 //   TEXEL        fetches as many single texels, a voxel apart
 //   COPY, IMAGE  copy a buffer and an image, 16 bytes per invocation
-//   ATOMIC       adds to PEAK_ATOMICS words far apart
-//   EXPONENTIAL  computes PEAK_EXPONENTIALS of them, eight independent of each other at a time
+//   ATOMIC       adds to `count` words far apart
+//   EXPONENTIAL  computes `count` of them, eight independent of each other at a time
 //   FRAGMENT     has a faint colour, which fixed function blends
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -24,9 +24,9 @@
 layout(local_size_x = 64) in;
 #endif
 
-#if defined(COPY) || defined(ATOMIC)
+#if !defined(FRAGMENT) && !defined(IMAGE)
 layout(push_constant, std430) uniform PeakPush {
-    uint count; // vectors to copy; words to add to, a power of two
+    uint count; // of the work of an invocation; COPY: vectors of all
 } push;
 #endif
 
@@ -48,11 +48,12 @@ vec2 ray() {
 
 #ifdef FETCH
 void main() {
-    vec3 at = vec3(ray(), 0.25) / float(PEAK_SIDE);
+    float side = float(textureSize(volume, 0).z);
+    vec3 at = vec3(ray(), 0.25) / side;
     float sum = 0.0;
-    for (uint i = 0u; i < PEAK_FETCHES; ++i) {
+    for (uint i = 0u; i < push.count; ++i) {
         sum += textureLod(volume, at, 0.0).r;
-        at.z += 0.5 / float(PEAK_SIDE);
+        at.z += 0.5 / side;
     }
     if (sum < 0.0) result.words[0] = 1u;
 }
@@ -60,11 +61,12 @@ void main() {
 
 #ifdef TEXEL
 void main() {
+    int last = textureSize(volume, 0).z - 1;
     ivec3 at = ivec3(ray(), 0);
     float sum = 0.0;
-    for (uint i = 0u; i < PEAK_FETCHES; ++i) {
+    for (uint i = 0u; i < push.count; ++i) {
         sum += texelFetch(volume, at, 0).r;
-        at.z = (at.z + 1) & (PEAK_SIDE - 1);
+        at.z = (at.z + 1) & last;
     }
     if (sum < 0.0) result.words[0] = 1u;
 }
@@ -96,10 +98,10 @@ void main() {
 
 #ifdef ATOMIC
 void main() {
-    uint i = INVOCATION_NUMBER;
-    for (uint turn = 0u; turn < PEAK_ATOMICS; ++turn) {
+    uint i = INVOCATION_NUMBER, words = uint(result.words.length()); // a power of two
+    for (uint turn = 0u; turn < push.count; ++turn) {
         i = i * 1664525u + 1013904223u;
-        atomicAdd(result.words[(i >> 8) & (push.count - 1u)], 1u);
+        atomicAdd(result.words[(i >> 8) & (words - 1u)], 1u);
     }
 }
 #endif
@@ -108,7 +110,7 @@ void main() {
 void main() {
     vec4 a = vec4(0.1, 0.2, 0.3, 0.4) + float(INVOCATION_NUMBER & 63u);
     vec4 b = a + 0.5;
-    for (uint i = 0u; i < PEAK_EXPONENTIALS / 8u; ++i) {
+    for (uint i = 0u; i < push.count / 8u; ++i) {
         a = exp(-a);
         b = exp(-b);
     }

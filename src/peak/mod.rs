@@ -11,9 +11,8 @@ use ash::vk;
 
 use crate::error::{Error, Result};
 use crate::gpu::shader::{
-    COMPOSITE_VERTEX, CompositeVertex, PEAK_ATOMIC, PEAK_ATOMICS, PEAK_COPY, PEAK_EXPONENTIAL,
-    PEAK_EXPONENTIALS, PEAK_FETCH, PEAK_FETCHES, PEAK_FRAGMENT, PEAK_IMAGE, PEAK_SIDE, PEAK_TEXEL,
-    PeakAtomic, PeakCopy, PeakFetch, PeakFragment, PeakImage,
+    COMPOSITE_VERTEX, CompositeVertex, PEAK_ATOMIC, PEAK_COPY, PEAK_EXPONENTIAL, PEAK_FETCH, PEAK_FRAGMENT,
+    PEAK_IMAGE, PEAK_TEXEL, PeakAtomic, PeakCopy, PeakFetch, PeakFragment, PeakImage,
 };
 use crate::gpu::{
     Attachment, Blend, Bound, Buffer, BufferUse, Commands, Descriptors, Gpu, GraphicsState, Image, ImageDesc,
@@ -48,7 +47,19 @@ const COPIED_SIDE: u32 = 2048;
 /// Sides of an image that is blended into.
 const BLENDED_SIDE: u32 = 1024;
 
-/// Words that are added to: 4 MiB.
+/// Sides of a volume that is fetched from.
+const SIDE: u32 = 64;
+
+/// Fetches of an invocation.
+const FETCHES: u32 = 128;
+
+/// Atomic additions of an invocation.
+const ATOMICS: u32 = 16;
+
+/// Exponentials of an invocation.
+const EXPONENTIALS: u32 = 512;
+
+/// Words that are added to, a power of two: 4 MiB.
 const ADDED_WORDS: u32 = 1 << 20;
 
 /// The most that a device does per second of one kind of work.
@@ -118,11 +129,9 @@ fn rate(gpu: &Gpu, each: f64, most: u32, record: impl Fn(&mut Recorder<'_>, u32)
 }
 
 /// Measures a dispatch of as many workgroups as are enough, each doing `each` of the work per invocation.
-fn rate_of_groups(gpu: &Gpu, each: u32, dispatch: &Dispatch, push: Option<PeakPush>) -> Result<f64> {
-    let push = push.map_or_else(Vec::new, |push| bytemuck::bytes_of(&push).to_vec());
+fn rate_of_groups(gpu: &Gpu, each: u32, dispatch: &Dispatch) -> Result<f64> {
     rate(gpu, f64::from(each) * f64::from(GROUP), MOST_GROUPS, |recorder, groups| {
-        let groups = groups_of(groups * GROUP, GROUP);
-        recorder.dispatch(&dispatch.name, &dispatch.pipeline, &dispatch.descriptors, &push, groups);
+        dispatch.record(recorder, &PeakPush { count: each }, groups_of(groups * GROUP, GROUP));
     })
 }
 
@@ -131,7 +140,7 @@ fn volume(gpu: &Gpu, format: vk::Format, needed: vk::FormatFeatureFlags) -> Resu
     if !gpu.image_features(format).contains(needed) {
         return Err(Error::unsupported("peak", format!("{needed:?} of {format:?}")));
     }
-    let desc = ImageDesc::sampled_volume(format, [PEAK_SIDE; 3]);
+    let desc = ImageDesc::sampled_volume(format, [SIDE; 3]);
     // Positive numbers of every format.
     Image::with_data(gpu, "peak.volume", &desc, |_, _, memory| memory.fill(0x3f))
 }
@@ -140,14 +149,14 @@ fn filtered(gpu: &Gpu, format: vk::Format) -> Result<f64> {
     let volume = volume(gpu, format, vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)?;
     let (volume, result) = (volume.sampled(vk::Filter::LINEAR), buffer(gpu, "peak.result", 1)?.write());
     let bound = PEAK_FETCH.with(&PeakFetch { volume, result });
-    rate_of_groups(gpu, PEAK_FETCHES, &pass(gpu, "peak.filtered", &bound)?, None)
+    rate_of_groups(gpu, FETCHES, &pass(gpu, "peak.filtered", &bound)?)
 }
 
 fn texels(gpu: &Gpu, format: vk::Format) -> Result<f64> {
     let volume = volume(gpu, format, vk::FormatFeatureFlags::SAMPLED_IMAGE)?;
     let (volume, result) = (volume.sampled(vk::Filter::NEAREST), buffer(gpu, "peak.result", 1)?.write());
     let bound = PEAK_TEXEL.with(&PeakFetch { volume, result });
-    rate_of_groups(gpu, PEAK_FETCHES, &pass(gpu, "peak.texels", &bound)?, None)
+    rate_of_groups(gpu, FETCHES, &pass(gpu, "peak.texels", &bound)?)
 }
 
 /// Measures a dispatch that copies `bytes`, over and over.
@@ -197,13 +206,13 @@ fn blended(gpu: &Gpu, format: vk::Format) -> Result<f64> {
 fn atomics(gpu: &Gpu) -> Result<f64> {
     let result = buffer(gpu, "peak.result", ADDED_WORDS.into())?.write();
     let dispatch = pass(gpu, "peak.atomics", &PEAK_ATOMIC.with(&PeakAtomic { result }))?;
-    rate_of_groups(gpu, PEAK_ATOMICS, &dispatch, Some(PeakPush { count: ADDED_WORDS }))
+    rate_of_groups(gpu, ATOMICS, &dispatch)
 }
 
 fn exponentials(gpu: &Gpu) -> Result<f64> {
     let result = buffer(gpu, "peak.result", 1)?.write();
     let dispatch = pass(gpu, "peak.exponentials", &PEAK_EXPONENTIAL.with(&PeakAtomic { result }))?;
-    rate_of_groups(gpu, PEAK_EXPONENTIALS, &dispatch, None)
+    rate_of_groups(gpu, EXPONENTIALS, &dispatch)
 }
 
 /// Measures sorts of more and more pairs until one takes long enough.

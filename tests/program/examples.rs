@@ -55,6 +55,12 @@ fn embed(technique: &str, frames: u32) -> [Vec<[u8; 4]>; 2] {
     embed_with(&["--technique", technique], frames)
 }
 
+/// Returns the same frames without a volume: drawn once, for tests that run at the same time.
+fn opaque() -> &'static [Vec<[u8; 4]>; 2] {
+    static FRAMES: OnceLock<[Vec<[u8; 4]>; 2]> = OnceLock::new();
+    FRAMES.get_or_init(|| embed("none", 3))
+}
+
 /// Draws the same with other arguments.
 fn embed_with(arguments: &[&str], frames: u32) -> [Vec<[u8; 4]>; 2] {
     let technique = arguments.join(" ");
@@ -91,7 +97,7 @@ fn count(pixels: impl IntoIterator<Item = bool>) -> usize {
 /// The volume is drawn over the program's picture, behind what is nearer; every technique draws the same.
 #[test]
 fn the_volume_stands_among_the_program_s_own_boxes() {
-    let opaque = embed("none", 3);
+    let opaque = opaque();
     // Of the box before the volume, and of nothing else.
     let nearest = |p: &[u8; 4]| p[0] / 2 > p[1] && p[2] / 2 > p[1];
     // Of the box in the volume.
@@ -103,7 +109,7 @@ fn the_volume_stands_among_the_program_s_own_boxes() {
     for technique in ["slices-3d", "slices-3d:route=raster", "slabs", "raycast:step=0.5", "shear-warp"] {
         let drawn = embed(technique, 3);
         assert!(drawn[0] != drawn[1], "the camera moves");
-        for (drawn, opaque) in drawn.iter().zip(&opaque) {
+        for (drawn, opaque) in drawn.iter().zip(opaque) {
             let all = drawn.len();
             assert!(drawn.iter().all(|p| p[3] == 255), "{technique}");
             let pairs = || drawn.iter().zip(opaque);
@@ -142,7 +148,7 @@ fn trained_splats_stand_among_the_program_s_own_boxes() {
     let path = folder("embed-input").with_extension("ply");
     let splats = Field::Blobs.splats(3000).unwrap().with_axes(Axes::Rub);
     volraster::io::write_gaussians(&path, &splats, &GaussiansOutput::default()).unwrap();
-    let opaque = embed("none", 3);
+    let opaque = opaque();
     let drawn = embed_with(&["--splats", path.to_str().unwrap()], 3);
     let gpu = Gpu::new(&GpuOptions::default()).unwrap();
     let transfer = TransferFunction::from_rows(&[[0.0; 5]]).unwrap();
@@ -153,7 +159,7 @@ fn trained_splats_stand_among_the_program_s_own_boxes() {
         up: DVec3::Y,
         projection: Projection::Perspective { fov_y_deg: 40.0 },
     };
-    for (frame, (drawn, opaque)) in (1_u8..).zip(drawn.iter().zip(&opaque)) {
+    for (frame, (drawn, opaque)) in (1_u8..).zip(drawn.iter().zip(opaque)) {
         let view = View::new(camera.orbit(frame.into()).unwrap(), SIZE[0], SIZE[1]).unwrap();
         let alone = Renderer::new(&scene, Technique::parse("gaussians").unwrap()).render(&view).unwrap();
         let background = opaque[0];
