@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 const HEAD: &str = "\
 # Faults
@@ -52,6 +52,32 @@ fn faults_are_heard_also_where_the_driver_hangs() {
     assert!(faults[3]["heard"].is_null() && faults[3]["rule"].as_str().unwrap().contains("Data Race"));
     assert_eq!(report["schema"], "volraster-provoke/1");
     assert!(report["layer"].is_string() && report["device"]["name"].is_string());
+}
+
+#[test]
+fn a_fault_that_was_heard_before_is_missed() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let faults = ["empty-buffer", "k-buffer-without-interlock"];
+    let before = |file: &str, text: &str| {
+        let path = folder.join(file);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_string()
+    };
+    let heard = |names: [Option<&str>; 2]| {
+        let faults = [0, 1].map(|i| json!({ "name": faults[i], "heard": names[i] }));
+        json!({ "faults": faults }).to_string()
+    };
+    let run = |baseline: &str| {
+        let (code, _, err) =
+            provoke("faults-lost.json", &[&faults[..], &["--baseline", baseline]].concat(), None);
+        (code, err)
+    };
+    let (code, err) = run(&before("faults-same.json", &heard([Some("VUID"), None])));
+    assert_eq!(code, Some(0), "{err}");
+    let (code, err) = run(&before("faults-more.json", &heard([Some("VUID"), Some("SYNC-HAZARD")])));
+    assert!(code == Some(1) && err.contains("missed now: k-buffer-without-interlock"), "{code:?} {err}");
+    let (code, err) = run(&before("faults-none.json", "{\n}"));
+    assert!(code == Some(2) && err.contains("faults-none.json") && err.contains("line 2"), "{code:?} {err}");
 }
 
 #[test]

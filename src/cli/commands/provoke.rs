@@ -2,18 +2,18 @@
 //! hears.
 
 use std::io::{BufRead, BufReader, Read};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::json;
 use volraster::gpu::{Fault, GpuOptions, Validation};
 use volraster::{Error, Gpu, Result};
 
 use crate::cli::input::DeviceArgs;
-use crate::cli::outcome::{Outcome, id_of};
+use crate::cli::outcome::{Failure, Outcome, id_of};
 use crate::cli::output;
 use crate::cli::table::aligned;
 
@@ -35,6 +35,9 @@ pub(crate) struct Args {
     /// Write the results as JSON.
     #[arg(short, long, value_name = "FILE.json")]
     output: Option<PathBuf>,
+    /// Exit with 1 if a fault that was heard in these earlier results is committed and missed.
+    #[arg(long, value_name = "FILE.json")]
+    baseline: Option<PathBuf>,
     /// Time limit of each fault; a process that takes longer hangs.
     #[arg(long, value_name = "SECONDS", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     timeout: u64,
@@ -74,12 +77,40 @@ struct Heard {
     others: Vec<String>,
 }
 
+/// Earlier results, as far as they are compared.
+#[derive(Debug, Deserialize)]
+struct Earlier {
+    faults: Vec<EarlierFault>,
+}
+
+#[derive(Debug, Deserialize)]
+struct EarlierFault {
+    name: String,
+    heard: Option<String>,
+}
+
+impl Earlier {
+    fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read(path).map_err(|source| Error::Io {
+            path: path.to_path_buf(),
+            action: "cannot read",
+            source,
+        })?;
+        serde_json::from_slice(&text).map_err(|error| Error::File {
+            path: path.to_path_buf(),
+            place: format!("line {}", error.line()),
+            rule: format!("must be results of provoke: {error}"),
+        })
+    }
+}
+
 impl Args {
     /// Runs the command.
     ///
     /// # Errors
     ///
-    /// An unknown name, a missing layer or device, or output that cannot be written. A fault that the layer misses is a result.
+    /// An unknown name, a missing layer or device, or output that cannot be written; [`Failure::Finding`] for a fault that the layer
+    /// misses though it was heard before. Else a missed fault is a result.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
         let faults = self.faults()?;
         if self.list {
@@ -91,6 +122,7 @@ impl Args {
         if let Some(path) = &self.output {
             volraster::io::check_writable(path)?;
         }
+        let before = self.baseline.as_deref().map(Earlier::read).transpose()?;
         // Fails here if there is no device or no layer.
         let gpu = self.open(Validation::On, GpuOptions::default())?;
         let device = gpu.report().clone();
@@ -123,7 +155,17 @@ impl Args {
             let heard = results.iter().filter(|result| result.heard.is_some()).count();
             output::print(&format!("{heard} heard, {} missed", results.len() - heard))?;
         }
-        Ok(())
+        let was_heard = |name: &str| {
+            before
+                .iter()
+                .flat_map(|before| &before.faults)
+                .any(|fault| fault.name == name && fault.heard.is_some())
+        };
+        let is_lost = |result: &&Heard| result.heard.is_none() && was_heard(result.name);
+        match &results.iter().filter(is_lost).map(|result| result.name).collect::<Vec<_>>()[..] {
+            [] => Ok(()),
+            lost => Err(Failure::Finding(format!("heard before, and missed now: {}", lost.join(", ")))),
+        }
     }
 
     /// Returns the faults that the arguments name, each once.

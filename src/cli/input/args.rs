@@ -109,6 +109,12 @@ pub(crate) struct Size {
     pub(crate) height: u32,
 }
 
+impl std::fmt::Display for Size {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
 impl Size {
     /// Reads `WxH`. An error is the text of the rule; clap adds option and value.
     pub(crate) fn parse(text: &str) -> std::result::Result<Self, String> {

@@ -1,54 +1,34 @@
-//! Arguments of `bench`, and the order of its work.
-//!
-//! An image that is wrong has no speed: each case is compared with the reference before it is timed. The frames of a
-//! scene's cases are drawn in turn, forwards and backwards, so that warm-up and disturbances affect all cases alike.
+//! Arguments of `bench`.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use indicatif::ProgressBar;
 use volraster::io::ReadOptions;
 use volraster::io::scene_file::SceneFile;
-use volraster::reference::ReferenceImage;
-use volraster::scene::View;
-use volraster::{Error, Gpu, GpuScene, Result};
+use volraster::{Error, Gpu, Result};
 
 use super::bounds::Peaks;
-use super::case::{Case, elements};
 use super::ratios::Ratios;
-use super::record::{self, Record, Run, SCHEMA};
-use super::required_k::RequiredK;
+use super::record::{self, Record, Run};
 use super::results::Results;
-use super::scenes::{SUITES, Suite};
+use super::scenes::{SUITES, StandardScene, Suite};
 use super::series::Limits;
-use super::sweeps::{self, Sweep};
-use super::workload::{Opened, ViewCases, Workload, files_in};
+use super::session::Session;
+use super::sizes::{self, Pace, Sizes};
+use super::sweeps::{self, Given};
+use super::workload::{Workload, files_in};
 use crate::cli::cache::Cache;
-use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, Size, is_refusal};
-use crate::cli::load::Load;
+use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, Size};
 use crate::cli::outcome::{Failure, Outcome};
-use crate::cli::sensors::Sensors;
 use crate::cli::{interrupt, output};
-
-/// Least and most timed frames per case of scenes that belong to no suite.
-const FRAMES: [usize; 2] = [9, 45];
-
-/// Time after which a case is not timed further, in milliseconds, once it has its fewest frames.
-const ENOUGH_MS: f64 = 4000.0;
-
-/// Minimum number of timed frames of slow cases.
-const FEWEST: usize = 5;
-
-/// How long other work is watched before frames are judged by it: Linux counts it in steps of 10 ms.
-const WATCH: Duration = Duration::from_millis(300);
 
 /// Arguments of `bench`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// The suite `smoke` (a little of everything, in less than a minute), `standard` (the scenes of the published
-    /// figures), `gaussians` (trained splats by every rule), `peers` (the fastest settings, on scenes that other renderers were timed on) or `full` (more scenes, views
-    /// and frames); or a scene file, a data file, or a folder of scene files.
+    /// The suite `smoke` (a little of everything, in a minute), `standard` (the scenes of the published figures, in an hour),
+    /// `gaussians` (trained splats by every rule, in half an hour), `peers` (the fastest settings, on scenes that other renderers were
+    /// timed on, in a quarter of an hour) or `full` (more scenes, views and frames, in four hours); or a scene file, a data file, or a
+    /// folder of scene files.
     #[arg(value_name = "SUITE", default_value = "standard")]
     suite: PathBuf,
     #[command(flatten)]
@@ -65,7 +45,7 @@ pub(crate) struct Args {
     schema: bool,
     /// Compare two earlier runs instead of measuring: print the ratio of medians, with its 95 % confidence interval, for
     /// every case that both runs timed. With --output, write ratios.json there.
-    #[arg(long, num_args = 2, value_names = ["A.jsonl", "B.jsonl"], conflicts_with_all = ["suite", "array", "data", "only", "frames", "size", "device", "no_cache", "csv"])]
+    #[arg(long, num_args = 2, value_names = ["A.jsonl", "B.jsonl"], conflicts_with_all = ["suite", "array", "data", "only", "techniques", "frames", "size", "within", "device", "no_cache", "csv"])]
     compare: Option<Vec<PathBuf>>,
     /// With --compare: exit with 5 if an image has changed, else with 4 if a case is slower by more than this and beyond noise.
     #[arg(long, value_name = "PERCENT", requires = "compare", value_parser = per_cent)]
@@ -73,6 +53,10 @@ pub(crate) struct Args {
     /// Measure only scenes of a suite or folder whose names contain one of these texts.
     #[arg(long, value_name = "TEXT,...", value_delimiter = ',')]
     only: Vec<String>,
+    /// Measure these techniques with options in place of those of the suite; separated by `;` or `,`, may be repeated. `all`: every
+    /// technique by every route.
+    #[arg(long, value_name = "all|NAME[:key=value,...];...")]
+    techniques: Vec<String>,
     /// Also measure every data file and scene file under this folder, with few cases each. Files that cannot be read, and
     /// volumes above 512 MiB, are skipped with a line on stderr.
     #[arg(long, value_name = "DIR")]
@@ -81,10 +65,14 @@ pub(crate) struct Args {
     /// settled until its median is known within 1 %, within the limits of the suite.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
     frames: Option<u16>,
+    /// Time within which the suite ends, such as 10min [default: that of the suite].
+    #[arg(long, value_name = "TIME", conflicts_with = "size", value_parser = humantime::parse_duration)]
+    within: Option<Duration>,
     /// Frames in flight: with 2 the host records one while the device draws the other, and the time of a frame is the mean of four.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     in_flight: u8,
-    /// Image size [default: that of the scene file, else of the suite, else 512x512].
+    /// Image size [default: that of the scene file, else of the suite, else 512x512]. A suite's images are smaller on a device on
+    /// which it would not end within its time.
     #[arg(long, value_name = "WxH", value_parser = Size::parse)]
     size: Option<Size>,
     /// Draw reference images anew, and cache none.
@@ -109,25 +97,34 @@ impl Args {
             return Ok(output::print(&record::schema())?);
         }
         let Some(folder) = &self.output else { return Ok(()) };
+        let begin = Instant::now();
         output::check_folder(folder)?;
+        let given = Given::parse(&self.techniques)?;
         let workloads = self.workloads(quiet)?;
         let (gpu, _) = self.device.open(false)?;
         output::make_folder(folder)?;
-        let peaks = Peaks::measure(&gpu)?;
-        let mut results = Results::begin(folder, peaks)?;
-        let run = Run::now(gpu.report());
+        let results = Results::begin(folder, Peaks::measure(&gpu)?)?;
         interrupt::watch();
-        let cases = |workload: &Workload| Ok(2 * workload.case_count(self.size)? as u64);
-        let bar = output::progress(workloads.iter().map(cases).sum::<Result<u64>>()?, "bench");
-        for workload in workloads.into_iter().take_while(|_| !interrupt::requested()) {
-            self.measure(&gpu, &run, workload, &bar, &mut results, quiet)?;
-        }
-        bar.finish_and_clear();
+        let sizes = self.sizes(&gpu, &workloads, &given, begin)?;
+        let session = Session {
+            given,
+            frames: self.frames.map(usize::from),
+            in_flight: self.in_flight,
+            cache: Cache::of_user(!self.no_cache),
+            run: Run::now(gpu.report()),
+            gpu,
+            quiet,
+        };
+        let results = session.measure(workloads, sizes, results)?;
         let is_stopped = interrupt::requested();
         results.finish(is_stopped, self.csv)?;
         if is_stopped {
             let text = format!("stopped; partial results are in {}", folder.display());
             return Err(Failure::Interrupted(text));
+        }
+        if results.records.is_empty() && !self.techniques.is_empty() {
+            let why = format!("\"{}\": draws none of the scenes", self.techniques.join(";"));
+            return Err(invalid("--techniques", why).into());
         }
         match results.records.iter().filter(|record| record.failed.is_some()).count() {
             0 => Ok(()),
@@ -175,6 +172,39 @@ impl Args {
             }
             None => Ok(()),
         }
+    }
+
+    /// Returns the sizes of images, and how the time of a suite is shared. A suite that does not end within its time has smaller images.
+    fn sizes(
+        &self,
+        gpu: &Gpu,
+        workloads: &[Workload],
+        given: &Given,
+        begin: Instant,
+    ) -> Result<(Sizes, Option<Pace>)> {
+        let Some(suite) = self.known_suite() else {
+            let all = self.size.map_or(Sizes::OWN, Sizes::All);
+            let why = format!("\"{}\" is no suite, and has no time", self.suite.display());
+            return if self.within.is_some() { Err(invalid("--within", why)) } else { Ok((all, None)) };
+        };
+        if let Some(size) = self.size {
+            return Ok((Sizes::All(size), None));
+        }
+        let scenes: Vec<&StandardScene> = workloads.iter().filter_map(Workload::standard).collect();
+        let limits = Limits::of(Some(suite), self.frames.map(usize::from));
+        let within = self.within.unwrap_or(Duration::from_secs(60 * suite.minutes));
+        let (pace, eighths) = Pace::of(gpu, suite, &scenes, given, &limits, begin + within)?;
+        let sizes = Sizes::Eighths(eighths.unwrap_or(sizes::LEAST));
+        let [own, chosen] = [Sizes::OWN, sizes].map(|sizes| sizes.of(suite.size));
+        let (name, within) = (suite.name, humantime::format_duration(within));
+        if eighths.is_none() {
+            output::complain(&format!("{name} may take longer than {within}, with images of {chosen} too"));
+        } else if chosen != own {
+            output::complain(&format!(
+                "images of {chosen}, not {own}: {name} is to end within {within} (--within TIME, --size WxH)"
+            ));
+        }
+        Ok((sizes, Some(pace)))
     }
 
     /// Lists the scenes to measure.
@@ -227,204 +257,6 @@ impl Args {
         let name = self.suite.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Ok(vec![Workload::File(name, Box::new(input))])
     }
-
-    /// Returns how many frames are timed per case.
-    fn limits(&self, workload: &Workload) -> Limits {
-        let own = if let Workload::Standard(suite, _) = workload { suite.frames } else { FRAMES };
-        let [fewest, most] = self.frames.map_or(own, |frames| [frames.into(); 2]);
-        let adapts = self.frames.is_none() && most > fewest;
-        Limits { fewest: fewest.min(if adapts { most } else { FEWEST }), most, enough_ms: ENOUGH_MS, adapts }
-    }
-
-    /// Measures every case of a workload, one view after the other.
-    fn measure(
-        &self,
-        gpu: &Gpu,
-        run: &Run,
-        workload: Workload,
-        bar: &ProgressBar,
-        results: &mut Results,
-        quiet: bool,
-    ) -> Result<()> {
-        let limits = self.limits(&workload);
-        let end = bar.position() + 2 * workload.case_count(self.size)? as u64;
-        let is_found = matches!(workload, Workload::Found(..));
-        let Opened { name, family, scene, views } = match workload.open(self.size) {
-            // The user named the folder, not this file: skip it.
-            Err(error) if is_found => {
-                bar.suspend(|| output::complain(&format!("skipped: {error}")));
-                bar.set_position(end);
-                return Ok(());
-            }
-            opened => opened?,
-        };
-        let scene = GpuScene::new(gpu, scene);
-        for ViewCases { projection, view, sweeps } in
-            views.into_iter().take_while(|_| !interrupt::requested())
-        {
-            let device = gpu.report();
-            let record = Record {
-                schema: SCHEMA,
-                run: run.clone(),
-                version: env!("CARGO_PKG_VERSION").to_string(),
-                device: device.name.clone(),
-                driver: device.driver.clone(),
-                api: device.api.clone(),
-                software: gpu.is_software(),
-                scene: name.clone(),
-                family: family.clone(),
-                projection: projection.to_string(),
-                size: view.extent(),
-                data: scene.scene().data.kind().to_string(),
-                elements: elements(&scene.scene().data),
-                ..Record::default()
-            };
-            bar.set_message(output::plain(&format!("{name} {projection}")));
-            let Some((records, required_k)) =
-                self.measure_view(&scene, &view, &record, sweeps, limits, bar)?
-            else {
-                return Ok(());
-            };
-            // Written after every view, so that an interrupted run keeps its results so far.
-            let text = results.add(&record, records, required_k.as_ref())?;
-            if !quiet {
-                bar.suspend(|| output::print(&text))?;
-            }
-        }
-        bar.set_position(end);
-        Ok(())
-    }
-
-    /// Checks, then times every case of a view; `None` if the run is stopped before all are checked. `record` has what
-    /// the cases share.
-    fn measure_view(
-        &self,
-        scene: &Arc<GpuScene>,
-        view: &View,
-        record: &Record,
-        sweeps: &[Sweep],
-        limits: Limits,
-        bar: &ProgressBar,
-    ) -> Result<Option<(Vec<Record>, Option<RequiredK>)>> {
-        let Some(truth) = truth(scene, view, &Cache::of_user(!self.no_cache))? else { return Ok(None) };
-        let mut settings = sweeps::settings(sweeps)?;
-        settings.retain(|setting| setting.is_for(scene.scene()));
-        let mut cases: Vec<Case> =
-            settings.into_iter().map(|setting| Case::new(setting, record, self.in_flight, limits)).collect();
-        let mut weighed = Vec::new();
-        for case in &mut cases {
-            if interrupt::requested() {
-                return Ok(None);
-            }
-            case.check(scene, view, &truth)?;
-            if !weighed.contains(&case.kind()) {
-                weighed.push(case.kind());
-                case.measure_memory(scene, view);
-            }
-            case.count(scene, view)?;
-            bar.inc(1);
-        }
-        time(&mut cases, view, scene.gpu(), bar)?;
-        let required_k = match RequiredK::measure(scene, view) {
-            _ if interrupt::requested() => None,
-            Err(error) if is_refusal(&error) => None,
-            measured => measured?,
-        };
-        cases.retain(Case::is_done);
-        Ok(Some((cases.into_iter().map(|case| case.finish(required_k.as_ref())).collect(), required_k)))
-    }
-}
-
-/// Times cases in rounds of one frame each, in alternating directions, until each has enough frames or the user requests a stop.
-fn time(cases: &mut [Case], view: &View, gpu: &Gpu, bar: &ProgressBar) -> Result<()> {
-    let mut watch = Watch::begin(gpu);
-    let mut open: Vec<usize> = (0..cases.len()).collect();
-    while !open.is_empty() {
-        for &place in &open {
-            if interrupt::requested() {
-                return Ok(());
-            }
-            if let Some(frame) = cases[place].time(view)? {
-                watch.frame(cases, place, frame);
-            }
-        }
-        let before = open.len();
-        let wanting =
-            |cases: &[Case]| open.iter().copied().filter(|&place| cases[place].wants_more()).collect();
-        let mut next: Vec<usize> = wanting(cases);
-        if next.is_empty() {
-            // The last frames may have to be repeated.
-            watch.judge(cases);
-            next = wanting(cases);
-        }
-        open = next;
-        open.reverse();
-        bar.inc((before - open.len()) as u64);
-    }
-    Ok(())
-}
-
-/// Watches what disturbs frames: other programs' work on the processors of a software device, and a device that holds its clock down.
-struct Watch {
-    is_software: bool,
-    sensors: Option<Sensors>,
-    load: Option<Load>,
-    since: Instant,
-    /// The frames since, each with its case.
-    frames: Vec<(usize, usize)>,
-}
-
-impl Watch {
-    fn begin(gpu: &Gpu) -> Self {
-        Self {
-            is_software: gpu.is_software(),
-            sensors: Sensors::of(gpu.report()),
-            load: Load::watch(),
-            since: Instant::now(),
-            frames: Vec::new(),
-        }
-    }
-
-    /// Notes a frame that a case has drawn, and judges it with those before once they have taken long enough.
-    fn frame(&mut self, cases: &mut [Case], case: usize, frame: usize) {
-        self.frames.push((case, frame));
-        if self.since.elapsed() >= WATCH {
-            self.judge(cases);
-        }
-    }
-
-    /// Judges the frames since the last judgement.
-    fn judge(&mut self, cases: &mut [Case]) {
-        let reading = self.sensors.as_ref().map(Sensors::read);
-        let throttled = reading.as_ref().and_then(|reading| reading.throttled.as_ref());
-        let throttled = throttled.map(|why| format!("the device was throttled: {why}"));
-        let loaded = self.load.as_ref().and_then(Load::note).filter(|_| self.is_software);
-        let why = throttled.or(loaded);
-        for (case, frame) in self.frames.drain(..) {
-            if let Some(why) = &why {
-                cases[case].disturb(frame, why);
-            }
-            if let Some(reading) = &reading {
-                cases[case].sensed(reading.clone());
-            }
-        }
-        self.load = Load::watch();
-        self.since = Instant::now();
-    }
-}
-
-/// Returns the reference image of a view, drawn on a thread of its own; `None` as soon as the user requests a stop.
-fn truth(scene: &Arc<GpuScene>, view: &View, cache: &Cache) -> Result<Option<ReferenceImage>> {
-    let (scene, view, cache) = (Arc::clone(scene), *view, cache.clone());
-    let drawing = std::thread::spawn(move || cache.image(scene.scene(), &view, None).map(|(image, _)| image));
-    while !drawing.is_finished() {
-        if interrupt::requested() {
-            return Ok(None);
-        }
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    let ended = |_| invalid("reference", "its thread ended without an image".to_string());
-    drawing.join().map_err(ended)?.map(Some)
 }
 
 /// Parses a percentage, with or without its sign; returns the fraction.

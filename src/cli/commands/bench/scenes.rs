@@ -227,29 +227,18 @@ pub(super) struct Suite {
     pub(super) size: Size,
     /// Least and most timed frames per case.
     pub(super) frames: [usize; 2],
+    /// Minutes within which it ends.
+    pub(super) minutes: u64,
 }
 
 /// All suites.
+#[rustfmt::skip]
 pub(super) const SUITES: &[Suite] = &[
-    Suite { name: "smoke", scenes: &[SMOKE_SCENES], sweeps: SMOKE, data: DATA, size: SMALL, frames: [5, 5] },
-    Suite { name: "standard", scenes: &[SCENES], sweeps: STANDARD, data: DATA, size: SIZE, frames: [9, 45] },
-    Suite {
-        name: "gaussians",
-        scenes: &[TRAINED_SCENES],
-        sweeps: STANDARD,
-        data: DATA,
-        size: SIZE,
-        frames: [9, 45],
-    },
-    Suite { name: "peers", scenes: &[PEER_SCENES], sweeps: PEERS, data: PEERS, size: SIZE, frames: [9, 45] },
-    Suite {
-        name: "full",
-        scenes: &[SCENES, MORE_SCENES],
-        sweeps: STANDARD,
-        data: DATA,
-        size: SIZE,
-        frames: [15, 100],
-    },
+    Suite { name: "smoke", scenes: &[SMOKE_SCENES], sweeps: SMOKE, data: DATA, size: SMALL, frames: [5, 5], minutes: 1 },
+    Suite { name: "standard", scenes: &[SCENES], sweeps: STANDARD, data: DATA, size: SIZE, frames: [12, 45], minutes: 60 },
+    Suite { name: "gaussians", scenes: &[TRAINED_SCENES], sweeps: STANDARD, data: DATA, size: SIZE, frames: [12, 45], minutes: 30 },
+    Suite { name: "peers", scenes: &[PEER_SCENES], sweeps: PEERS, data: PEERS, size: SIZE, frames: [12, 45], minutes: 15 },
+    Suite { name: "full", scenes: &[SCENES, MORE_SCENES], sweeps: STANDARD, data: DATA, size: SIZE, frames: [15, 100], minutes: 240 },
 ];
 
 impl Suite {

@@ -1,6 +1,16 @@
 //! The frame times of a case: when they have settled, when their median is known, and which of them were disturbed.
 
+use super::scenes::Suite;
 use crate::cli::timing::Times;
+
+/// Least and most timed frames per case of scenes that belong to no suite.
+const FRAMES: [usize; 2] = [12, 45];
+
+/// Minimum number of timed frames of slow cases where their number is given.
+const FEWEST: usize = 5;
+
+/// Time after which a case is not timed further, in milliseconds, once it has its fewest frames.
+const ENOUGH_MS: f64 = 4000.0;
 
 /// How far the medians of two successive windows may be apart once times have settled.
 const SETTLED: f64 = 0.02;
@@ -26,6 +36,16 @@ pub(super) struct Limits {
     /// Whether the first frames are left out until times have settled, and a case ends once its median is known. Else each has
     /// [`Limits::most`] frames.
     pub(super) adapts: bool,
+}
+
+impl Limits {
+    /// Returns the limits of the scenes of a suite, or of others; `frames` fixes the number of frames.
+    pub(super) fn of(suite: Option<&Suite>, frames: Option<usize>) -> Self {
+        let own = suite.map_or(FRAMES, |suite| suite.frames);
+        let [fewest, most] = frames.map_or(own, |frames| [frames; 2]);
+        let adapts = most > fewest;
+        Self { fewest: fewest.min(if adapts { most } else { FEWEST }), most, enough_ms: ENOUGH_MS, adapts }
+    }
 }
 
 /// The times of a case so far, in milliseconds.

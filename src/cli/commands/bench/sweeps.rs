@@ -5,7 +5,7 @@ use volraster::scene::{Data, Model, Scene, SplatRule};
 use volraster::technique::Method;
 use volraster::{Result, Technique};
 
-use crate::cli::input;
+use crate::cli::input::{self, Wanted};
 
 use Method::{
     Abuffer, Gaussians, Havs, ProjectedTets, Raycast, ShearWarp, Slabs, Slices2d, Slices3d, SplatEwa,
@@ -234,6 +234,55 @@ pub(super) fn settings(sweeps: &[Sweep]) -> Result<Vec<Setting>> {
     Ok(settings)
 }
 
+/// Settings that the user asks for in place of those of sweeps; none by default.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Given(Vec<Setting>);
+
+impl Given {
+    /// Reads lists of techniques; `all` is every technique by every route.
+    ///
+    /// # Errors
+    ///
+    /// As [`Wanted::parse_list`].
+    pub(super) fn parse(lists: &[String]) -> Result<Self> {
+        let mut settings = Vec::new();
+        for list in lists {
+            for wanted in Wanted::parse_list(list)? {
+                match wanted {
+                    Wanted::One(request) => settings.push((request.technique, "")),
+                    Wanted::All => {
+                        for (method, route) in input::all_routes() {
+                            settings.push((input::by_route(method, route, &[], &[])?, route));
+                        }
+                    }
+                }
+            }
+        }
+        let setting = |(technique, route)| Setting { sweep: "given", technique, route };
+        Ok(Self(settings.into_iter().map(setting).collect()))
+    }
+
+    /// Returns the settings, or those of sweeps if there are none.
+    ///
+    /// # Errors
+    ///
+    /// As [`settings`].
+    pub(super) fn or(&self, sweeps: &[Sweep]) -> Result<Vec<Setting>> {
+        if self.0.is_empty() { settings(sweeps) } else { Ok(self.0.clone()) }
+    }
+
+    /// Returns those of them that draw a scene.
+    ///
+    /// # Errors
+    ///
+    /// As [`settings`].
+    pub(super) fn fitting(&self, sweeps: &[Sweep], scene: &Scene) -> Result<Vec<Setting>> {
+        let mut settings = self.or(sweeps)?;
+        settings.retain(|setting| setting.is_for(scene));
+        Ok(settings)
+    }
+}
+
 /// Returns every combination of one value per option; the last option varies fastest.
 fn combinations(
     options: &[(&'static str, &'static [&'static str])],
@@ -247,6 +296,11 @@ fn combinations(
 }
 
 impl Setting {
+    /// Returns technique and route.
+    pub(super) fn kind(&self) -> (Method, &'static str) {
+        (self.technique.method(), self.route)
+    }
+
     /// Returns whether the technique draws the scene's field as the reference does, in reasonable time.
     pub(super) fn is_for(&self, scene: &Scene) -> bool {
         let method = self.technique.method();

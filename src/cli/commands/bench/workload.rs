@@ -8,8 +8,9 @@ use volraster::scene::{Scene, View};
 use volraster::{Error, Result};
 
 use super::scenes::{self, StandardScene, Suite};
-use super::sweeps::{self, Sweep};
-use crate::cli::input::{self, Input, Size};
+use super::sizes::Sizes;
+use super::sweeps::{self, Given, Sweep};
+use crate::cli::input::{self, Input};
 
 /// Memory limit for reading a file found in a folder, in bytes.
 const MAX_BYTES: u64 = 512 << 20;
@@ -60,13 +61,23 @@ impl Workload {
         }
     }
 
-    /// Returns an upper bound of the number of cases. A given image size replaces the further sizes of a suite's scenes.
-    pub(super) fn case_count(&self, size: Option<Size>) -> Result<usize> {
-        let count = |sweeps| Ok(sweeps::settings(sweeps)?.len());
+    /// Returns the suite that the scene is of.
+    pub(super) fn suite(&self) -> Option<&'static Suite> {
+        if let Self::Standard(suite, _) = self { Some(suite) } else { None }
+    }
+
+    /// Returns the scene of a suite.
+    pub(super) fn standard(&self) -> Option<&'static StandardScene> {
+        if let Self::Standard(_, scene) = self { Some(scene) } else { None }
+    }
+
+    /// Returns an upper bound of the number of cases.
+    pub(super) fn case_count(&self, sizes: Sizes, given: &Given) -> Result<usize> {
+        let count = |sweeps| Ok(given.or(sweeps)?.len());
         match self {
             Self::Standard(suite, scene) => {
-                let sizes = if size.is_some() { 0 } else { scene.sides.len() };
-                Ok(scene.views * count(suite.sweeps)? + sizes * count(sweeps::SIZES)?)
+                let further = sizes.further(scene.sides).len();
+                Ok(scene.views * count(suite.sweeps)? + further * count(sweeps::SIZES)?)
             }
             Self::File(..) => count(sweeps::STANDARD),
             Self::Found(_, _, sweeps) => count(sweeps),
@@ -74,7 +85,7 @@ impl Workload {
     }
 
     /// Reads or makes the scene, and lists its views.
-    pub(super) fn open(self, size: Option<Size>) -> Result<Opened> {
+    pub(super) fn open(self, sizes: Sizes) -> Result<Opened> {
         let of_file = |name: String, input: Input, sweeps: &'static [Sweep]| {
             let view = input.settings.view;
             let projection = if view.is_perspective() { "perspective" } else { "orthographic" };
@@ -86,17 +97,19 @@ impl Workload {
             Self::Found(path, name, sweeps) => {
                 // A scene file states its image size; data files are all drawn at the standard one.
                 let is_scene = SceneFile::is_at(&path, &ReadOptions::default());
-                let size = size.or_else(|| (!is_scene).then_some(scenes::SIZE));
+                let size = match sizes {
+                    Sizes::All(size) => Some(size),
+                    Sizes::Eighths(_) => (!is_scene).then_some(scenes::SIZE),
+                };
                 let input = Input::load_within(&path, size, &ReadOptions::within(MAX_BYTES))?;
                 input::drawn(&input.scene).map_err(|error| error.in_file(&path))?;
                 Ok(of_file(name, input, sweeps))
             }
             Self::Standard(suite, scene) => {
                 let cases = |sweeps| move |(projection, view)| ViewCases { projection, view, sweeps };
-                let views = scene.views(size.unwrap_or(suite.size))?;
+                let views = scene.views(sizes.of(suite.size))?;
                 let mut views: Vec<ViewCases> = views.into_iter().map(cases(suite.sweeps)).collect();
-                for &side in scene.sides.iter().filter(|_| size.is_none()) {
-                    let size = Size { width: side, height: side };
+                for size in sizes.further(scene.sides) {
                     views.extend(scene.views(size)?.into_iter().take(1).map(cases(sweeps::SIZES)));
                 }
                 let family = Some(scene.family.to_string());

@@ -1,0 +1,18 @@
+#!/usr/bin/env bash
+# Compares the speed of two Vulkan drivers with volraster:
+#
+#     speed.sh OUT OLD.json NEW.json [ARGUMENT...]    arguments of `volraster bench`, else `smoke --frames 20`
+#
+# OUT gets the results of each driver (old, new), and ratios.json. The exit status is 4 if the new driver is slower in a case by more
+# than 5 % and beyond noise, 5 if it draws another image, 0 else.
+#
+# Environment: VOLRASTER, the program (else the one on PATH).
+set -euo pipefail
+out=$1 old=$2 new=$3
+shift 3
+program=$(command -v "${VOLRASTER:-volraster}")
+if [ $# = 0 ]; then set -- smoke --frames 20; fi
+
+VK_DRIVER_FILES=$old "$program" bench "$@" --quiet -o "$out/old"
+VK_DRIVER_FILES=$new "$program" bench "$@" --quiet -o "$out/new"
+"$program" bench --compare "$out/old/bench.jsonl" "$out/new/bench.jsonl" --fail-above 5% -o "$out"
