@@ -29,6 +29,9 @@ const ENOUGH: f64 = 0.01;
 /// Number of times that work is measured; the fastest counts.
 const TRIES: u32 = 3;
 
+/// Time of a [`Pulse`] in seconds.
+const PULSE: f64 = 0.003;
+
 /// Invocations of a workgroup.
 const GROUP: u32 = 64;
 
@@ -109,6 +112,52 @@ pub fn measure(gpu: &Gpu) -> Result<Vec<Peak>> {
     KINDS.into_iter().filter_map(|kind| peak(kind).transpose()).collect()
 }
 
+/// A fixed amount of work, whose rate tells how fast the device is at a time: its clock and other users of it change that.
+#[derive(Debug)]
+pub struct Pulse {
+    commands: Commands,
+    dispatch: Dispatch,
+    groups: u32,
+}
+
+impl Pulse {
+    /// Prepares the work, trilinear samples of a volume of 8-bit samples, of which there are as many as take [`PULSE`].
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Memory`] and errors of Vulkan.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        let dispatch = filtering(gpu, vk::Format::R8_UNORM)?;
+        let mut pulse = Self { commands: Commands::new(gpu)?, dispatch, groups: 1 };
+        // The first run may compile.
+        pulse.seconds()?;
+        while pulse.groups < MOST_GROUPS && pulse.seconds()? < PULSE {
+            pulse.groups *= 2;
+        }
+        Ok(pulse)
+    }
+
+    fn seconds(&mut self) -> Result<f64> {
+        let begin = Instant::now();
+        let groups = groups_of(self.groups * GROUP, GROUP);
+        self.commands.run("pulse", |recorder| {
+            self.dispatch.record(recorder, &PeakPush { count: FETCHES }, groups);
+        })?;
+        Ok(begin.elapsed().as_secs_f64())
+    }
+
+    /// Does the work three times, and returns the most samples per second.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::DeviceLost`] and other errors of Vulkan.
+    pub fn per_second(&mut self) -> Result<f64> {
+        let times = (0..TRIES).map(|_| self.seconds()).collect::<Result<Vec<f64>>>()?;
+        let least = times.into_iter().fold(f64::INFINITY, f64::min);
+        Ok(f64::from(FETCHES) * f64::from(GROUP) * f64::from(self.groups) / least)
+    }
+}
+
 /// Measures how much work is done per second. `record` records an amount of it, of `each`; at most `most` is recorded at a time.
 fn rate(gpu: &Gpu, each: f64, most: u32, record: impl Fn(&mut Recorder<'_>, u32)) -> Result<f64> {
     let mut commands = Commands::new(gpu)?;
@@ -145,11 +194,15 @@ fn volume(gpu: &Gpu, format: vk::Format, needed: vk::FormatFeatureFlags) -> Resu
     Image::with_data(gpu, "peak.volume", &desc, |_, _, memory| memory.fill(0x3f))
 }
 
-fn filtered(gpu: &Gpu, format: vk::Format) -> Result<f64> {
+/// Makes the pass of trilinear samples.
+fn filtering(gpu: &Gpu, format: vk::Format) -> Result<Dispatch> {
     let volume = volume(gpu, format, vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)?;
     let (volume, result) = (volume.sampled(vk::Filter::LINEAR), buffer(gpu, "peak.result", 1)?.write());
-    let bound = PEAK_FETCH.with(&PeakFetch { volume, result });
-    rate_of_groups(gpu, FETCHES, &pass(gpu, "peak.filtered", &bound)?)
+    pass(gpu, "peak.filtered", &PEAK_FETCH.with(&PeakFetch { volume, result }))
+}
+
+fn filtered(gpu: &Gpu, format: vk::Format) -> Result<f64> {
+    rate_of_groups(gpu, FETCHES, &filtering(gpu, format)?)
 }
 
 fn texels(gpu: &Gpu, format: vk::Format) -> Result<f64> {
@@ -258,6 +311,8 @@ mod tests {
     fn every_kind_of_work_has_a_peak() {
         let gpu = TestGpu::new();
         let peaks = measure(&gpu).unwrap();
+        let pulse = Pulse::new(&gpu).unwrap().per_second().unwrap();
+        assert!((0.1..10.0).contains(&(pulse / peaks[0].per_second)), "{pulse:.3e} {:?}", peaks[0]);
         let names: Vec<&str> = peaks.iter().map(|peak| peak.name).collect();
         assert_eq!(names, KINDS.map(|(name, ..)| name));
         for Peak { name, per_second, .. } in peaks {

@@ -187,8 +187,8 @@ impl Case {
         (reading != Reading::default()).then_some(reading)
     }
 
-    /// Returns the record of the case.
-    pub(super) fn finish(mut self, required_k: Option<&RequiredK>) -> Record {
+    /// Returns the record of the case; `pulse` is the fastest one while it was timed.
+    pub(super) fn finish(mut self, required_k: Option<&RequiredK>, pulse: f64) -> Record {
         let sensors = self.sensors();
         let bytes = self.drawing.as_mut().map(|drawing| {
             let passes = drawing.first().plan().pass_bytes();
@@ -213,6 +213,7 @@ impl Case {
             disturbed: (disturbed > 0)
                 .then(|| format!("{disturbed} of {after} frames, the last as {}", self.why_disturbed)),
             sensors,
+            pulse: self.drawing.as_ref().map(|_| pulse),
             wall_ms: Quantiles::wall(&frames),
             gpu_ms: Quantiles::gpu(&frames),
             passes_ms: passes.collect(),

@@ -170,6 +170,10 @@ impl Args {
                     format!("{} slower by more than {} %, the first {first}", count(&slower), 100.0 * limit);
                 Err(Failure::Slower(text))
             }
+            None if ratios.drift() > 1.0 + limit => Err(Failure::Slower(format!(
+                "the device as a whole is slower: fixed work beside the cases takes {:.2} times as long, and hides what cases do",
+                ratios.drift()
+            ))),
             None => Ok(()),
         }
     }

@@ -35,11 +35,12 @@ const SAME: f64 = 0.03;
 /// Errors that differ by less may be those of one image that is rounded otherwise: relative and absolute.
 const NEAR: [f64; 2] = [1e-3, 1e-6];
 
-/// Returns the class of a ratio and its mark: slower, faster or the same where the interval tells, else ambiguous.
-fn class(&Ratio { low, high, .. }: &Ratio) -> (&'static str, &'static str) {
-    if low > 1.0 + SAME {
+/// Returns the class of a ratio and its mark: slower, faster or the same where the interval tells, else ambiguous. A case is not slower
+/// if the device as a whole was, by the time of fixed work: `drift` times as long in the second run as in the first.
+fn class(&Ratio { low, high, .. }: &Ratio, drift: f64) -> (&'static str, &'static str) {
+    if low.min(low / drift) > 1.0 + SAME {
         ("slower", "+")
-    } else if high < 1.0 / (1.0 + SAME) {
+    } else if high.max(high / drift) < 1.0 / (1.0 + SAME) {
         ("faster", "-")
     } else if low > 1.0 / (1.0 + 2.0 * SAME) && high < 1.0 + 2.0 * SAME {
         ("same", "")
@@ -50,7 +51,13 @@ fn class(&Ratio { low, high, .. }: &Ratio) -> (&'static str, &'static str) {
 
 impl Pair<'_> {
     fn class(&self) -> &'static str {
-        class(&self.ratio).0
+        class(&self.ratio, self.drift()).0
+    }
+
+    /// Returns how many times as long fixed work took in the second run as in the first, beside the case.
+    fn drift(&self) -> f64 {
+        let [a, b] = self.records.map(|record| record.pulse);
+        a.zip(b).map_or(1.0, |(a, b)| a / b)
     }
 
     /// Returns `same` for images that are the same to the bit, `near` if only their errors hardly differ, else `changed`.
@@ -75,6 +82,12 @@ impl Pair<'_> {
         let size = format!("{width}x{height}");
         [scene.to_string(), projection.to_string(), size, technique, route, options]
     }
+}
+
+/// Returns the geometric mean of the drifts of cases.
+fn drift(pairs: &[&Pair<'_>]) -> f64 {
+    let logs: f64 = pairs.iter().map(|pair| pair.drift().ln()).sum();
+    (logs / pairs.len().max(1) as f64).exp()
 }
 
 impl<'a> Ratios<'a> {
@@ -117,8 +130,13 @@ impl<'a> Ratios<'a> {
         self.pairs.iter().filter(is_slower).map(|pair| pair.names().join(" ")).collect()
     }
 
-    /// Returns the geometric mean of the ratios and the number of cases of each technique, then of all.
-    fn means(&self) -> Vec<(&str, usize, Ratio)> {
+    /// Returns the geometric mean of the drifts of cases.
+    pub(super) fn drift(&self) -> f64 {
+        drift(&self.pairs.iter().collect::<Vec<_>>())
+    }
+
+    /// Returns the geometric mean of the ratios, the number of cases and the mean drift of each technique, then of all.
+    fn means(&self) -> Vec<(&str, usize, Ratio, f64)> {
         let mut names: Vec<&str> = Method::ALL.map(Method::name).to_vec();
         for pair in &self.pairs {
             if !names.contains(&pair.technique()) {
@@ -132,21 +150,20 @@ impl<'a> Ratios<'a> {
         });
         let mean = |(name, pairs): (_, Vec<&Pair<'_>>)| {
             let times: Vec<[&Times; 2]> = pairs.iter().map(|pair| pair.times.each_ref()).collect();
-            Some((name, times.len(), ratio(&times)?))
+            Some((name, times.len(), ratio(&times)?, drift(&pairs)))
         };
         groups.chain([("all", every.clone())]).filter_map(mean).collect()
     }
 
     /// Returns the comparison as aligned text.
     pub(super) fn text(&self) -> String {
-        let mark = |ratio: &Ratio| class(ratio).1.to_string();
         let cells =
             |ratio: &Ratio| [format!("{:.3}", ratio.value), format!("{:.3}..{:.3}", ratio.low, ratio.high)];
         let heading =
             [&[""], &NAMES[..], &["ms A", "ms B", "B/A", "95 %", "rmse A", "rmse B", "image"]].concat();
         let mut rows = vec![heading.into_iter().map(str::to_string).collect::<Vec<_>>()];
         for pair in &self.pairs {
-            let mut row = vec![mark(&pair.ratio)];
+            let mut row = vec![class(&pair.ratio, pair.drift()).1.to_string()];
             row.extend(pair.names());
             row.extend(pair.times.each_ref().map(|times| format!("{:.2}", times.decile())));
             row.extend(cells(&pair.ratio));
@@ -155,8 +172,8 @@ impl<'a> Ratios<'a> {
             rows.push(row);
         }
         let mut means = vec![["", "geometric mean", "cases", "B/A", "95 %"].map(str::to_string).to_vec()];
-        for (name, count, ratio) in self.means() {
-            let mut row = vec![mark(&ratio), name.to_string(), count.to_string()];
+        for (name, count, ratio, drift) in self.means() {
+            let mut row = vec![class(&ratio, drift).1.to_string(), name.to_string(), count.to_string()];
             row.extend(cells(&ratio));
             means.push(row);
         }
@@ -172,6 +189,13 @@ impl<'a> Ratios<'a> {
             count("ambiguous"),
             self.pairs.len()
         );
+        let drift = self.drift();
+        if (drift.ln()).abs() > SAME {
+            text += &format!(
+                "\nThe device as a whole was slower in {}: fixed work beside the cases took {drift:.2} times as long in B as in A.",
+                if drift > 1.0 { "B" } else { "A" }
+            );
+        }
         let [a, b] = &self.devices;
         text += &if a == b { format!("\nA and B: {a}") } else { format!("\nA: {a}\nB: {b}") };
         for (name, count) in ["A", "B"].into_iter().zip(self.alone).filter(|(_, count)| *count > 0) {
@@ -193,7 +217,7 @@ impl<'a> Ratios<'a> {
             case["image"] = json!(pair.image());
             case
         };
-        let mean = |(name, count, ratio): &(&str, usize, Ratio)| {
+        let mean = |(name, count, ratio, _): &(&str, usize, Ratio, f64)| {
             let mut mean = json!(ratio);
             mean["technique"] = json!(name);
             mean["cases"] = json!(count);
@@ -203,6 +227,7 @@ impl<'a> Ratios<'a> {
             "cases": self.pairs.iter().map(case).collect::<Value>(),
             "means": self.means().iter().map(mean).collect::<Value>(),
             "alone": self.alone,
+            "drift": self.drift(),
         })
     }
 }
@@ -276,6 +301,21 @@ mod tests {
         assert_eq!(class(&spread(11.0, 0.02)), "slower");
         assert_eq!(class(&spread(9.0, 0.02)), "faster");
         assert_eq!(class(&[9.0, 11.0, 12.0, 13.0, 14.0]), "ambiguous");
+        // All of the device was slower: the case need not be.
+        let beside = |pulse: f64| {
+            let case = |centre, pulse| Record {
+                pulse: Some(pulse),
+                ..case("raycast", "compute", "", 1e-3, &spread(centre, 0.02))
+            };
+            let runs = [[case(10.0, 1e9)], [case(12.0, pulse)]];
+            let ratios = Ratios::new(runs.each_ref().map(|run| &run[..]));
+            let is_told = ratios.text().contains("fixed work");
+            (ratios.pairs[0].class(), is_told)
+        };
+        assert_eq!(beside(1e9), ("slower", false));
+        assert_eq!(beside(0.99e9), ("slower", false));
+        assert_eq!(beside(0.83e9), ("ambiguous", true));
+        assert_eq!(beside(1.2e9), ("slower", true));
         let image = |rmse: [f64; 2], digests: [&str; 2]| {
             let runs = [0, 1].map(|i| {
                 [Record {

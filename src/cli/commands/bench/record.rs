@@ -86,6 +86,10 @@ pub(super) struct Record {
     /// How many frames were disturbed, and by what; they were repeated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) disturbed: Option<String>,
+    /// How fast the device was while the cases of the view were timed: the most trilinear samples per second of a fixed amount of work
+    /// between frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) pulse: Option<f64>,
     /// Medians of the readings of sensors during the frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) sensors: Option<Reading>,

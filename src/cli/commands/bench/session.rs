@@ -18,7 +18,7 @@ use super::results::Results;
 use super::series::Limits;
 use super::sizes::{Pace, Sizes};
 use super::sweeps::Given;
-use super::turns::time;
+use super::turns::{Watch, time};
 use super::workload::{Opened, ViewCases, Workload};
 use crate::cli::cache::Cache;
 use crate::cli::input::is_refusal;
@@ -52,6 +52,7 @@ impl Session {
         mut results: Results,
     ) -> Result<Results> {
         let steps = |workload: &Workload| Ok(2 * workload.case_count(sizes, &self.given)? as u64);
+        let mut watch = Watch::new(&self.gpu)?;
         let bar = output::progress(workloads.iter().map(steps).sum::<Result<u64>>()?, "bench");
         for workload in workloads.into_iter().take_while(|_| !interrupt::requested()) {
             let end = bar.position() + steps(&workload)?;
@@ -61,7 +62,7 @@ impl Session {
             match workload.open(sizes) {
                 // The user named the folder, not this file: skip it.
                 Err(error) if is_found => bar.suspend(|| output::complain(&format!("skipped: {error}"))),
-                opened => self.measure_scene(opened?, limits, pace, &bar, &mut results)?,
+                opened => self.measure_scene(opened?, limits, pace, &mut watch, &bar, &mut results)?,
             }
             if !interrupt::requested() {
                 bar.set_position(end);
@@ -77,6 +78,7 @@ impl Session {
         Opened { name, family, scene, views }: Opened,
         limits: Limits,
         mut pace: Option<&mut Pace>,
+        watch: &mut Watch,
         bar: &ProgressBar,
         results: &mut Results,
     ) -> Result<()> {
@@ -105,7 +107,9 @@ impl Session {
             let limits = Limits { enough_ms: limits.enough_ms.min(share), ..limits };
             let cases =
                 settings.into_iter().map(|setting| Case::new(setting, &record, self.in_flight, limits));
-            let Some((records, required_k)) = self.measure_view(&scene, &view, cases.collect(), bar)? else {
+            let Some((records, required_k)) =
+                self.measure_view(&scene, &view, cases.collect(), watch, bar)?
+            else {
                 return Ok(());
             };
             // Written after every view, so that an interrupted run keeps its results so far.
@@ -123,6 +127,7 @@ impl Session {
         scene: &Arc<GpuScene>,
         view: &View,
         mut cases: Vec<Case>,
+        watch: &mut Watch,
         bar: &ProgressBar,
     ) -> Result<Option<(Vec<Record>, Option<RequiredK>)>> {
         let Some(truth) = truth(scene, view, &self.cache)? else { return Ok(None) };
@@ -139,14 +144,15 @@ impl Session {
             case.count(scene, view)?;
             bar.inc(1);
         }
-        time(&mut cases, view, scene.gpu(), bar)?;
+        time(&mut cases, view, watch, bar)?;
         let required_k = match RequiredK::measure(scene, view) {
             _ if interrupt::requested() => None,
             Err(error) if is_refusal(&error) => None,
             measured => measured?,
         };
         cases.retain(Case::is_done);
-        Ok(Some((cases.into_iter().map(|case| case.finish(required_k.as_ref())).collect(), required_k)))
+        let finish = |case: Case| case.finish(required_k.as_ref(), watch.pulse());
+        Ok(Some((cases.into_iter().map(finish).collect(), required_k)))
     }
 }
 
