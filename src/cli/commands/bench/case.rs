@@ -146,9 +146,9 @@ impl Case {
         Ok(())
     }
 
-    /// Returns whether more frames are to be timed.
-    pub(super) fn wants_more(&self) -> bool {
-        self.drawing.is_some() && self.series.wants_more()
+    /// Returns whether more frames are to be timed, `elapsed_ms` after the first of the view.
+    pub(super) fn wants_more(&self, elapsed_ms: f64) -> bool {
+        self.drawing.is_some() && self.series.wants_more(elapsed_ms)
     }
 
     /// Times a frame and returns its number, if the case is drawn.
@@ -210,6 +210,7 @@ impl Case {
             required_k: required_k.map(|required| json!(required)),
             frames: self.drawing.as_ref().map(|_| frames.len()),
             warm: self.series.warm(),
+            noisy: self.series.is_noisy(),
             disturbed: (disturbed > 0)
                 .then(|| format!("{disturbed} of {after} frames, the last as {}", self.why_disturbed)),
             sensors,

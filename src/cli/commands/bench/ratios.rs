@@ -35,6 +35,9 @@ const SAME: f64 = 0.03;
 /// Errors that differ by less may be those of one image that is rounded otherwise: relative and absolute.
 const NEAR: [f64; 2] = [1e-3, 1e-6];
 
+/// The class of a ratio that does not tell, and its mark.
+const AMBIGUOUS: (&str, &str) = ("ambiguous", "?");
+
 /// Returns the class of a ratio and its mark: slower, faster or the same where the interval tells, else ambiguous. A case is not slower
 /// if the device as a whole was, by the time of fixed work: `drift` times as long in the second run as in the first.
 fn class(&Ratio { low, high, .. }: &Ratio, drift: f64) -> (&'static str, &'static str) {
@@ -45,13 +48,22 @@ fn class(&Ratio { low, high, .. }: &Ratio, drift: f64) -> (&'static str, &'stati
     } else if low > 1.0 / (1.0 + 2.0 * SAME) && high < 1.0 + 2.0 * SAME {
         ("same", "")
     } else {
-        ("ambiguous", "?")
+        AMBIGUOUS
     }
 }
 
 impl Pair<'_> {
     fn class(&self) -> &'static str {
-        class(&self.ratio, self.drift()).0
+        self.class_and_mark().0
+    }
+
+    /// Returns the class and its mark. Times of disturbed frames tell nothing.
+    fn class_and_mark(&self) -> (&'static str, &'static str) {
+        if self.is_noisy() { AMBIGUOUS } else { class(&self.ratio, self.drift()) }
+    }
+
+    fn is_noisy(&self) -> bool {
+        self.records.iter().any(|record| record.noisy)
     }
 
     /// Returns how many times as long fixed work took in the second run as in the first, beside the case.
@@ -163,7 +175,7 @@ impl<'a> Ratios<'a> {
             [&[""], &NAMES[..], &["ms A", "ms B", "B/A", "95 %", "rmse A", "rmse B", "image"]].concat();
         let mut rows = vec![heading.into_iter().map(str::to_string).collect::<Vec<_>>()];
         for pair in &self.pairs {
-            let mut row = vec![class(&pair.ratio, pair.drift()).1.to_string()];
+            let mut row = vec![pair.class_and_mark().1.to_string()];
             row.extend(pair.names());
             row.extend(pair.times.each_ref().map(|times| format!("{:.2}", times.decile())));
             row.extend(cells(&pair.ratio));
@@ -189,6 +201,10 @@ impl<'a> Ratios<'a> {
             count("ambiguous"),
             self.pairs.len()
         );
+        let noisy = self.pairs.iter().filter(|pair| pair.is_noisy()).count();
+        if noisy > 0 {
+            text += &format!("\nMost frames of {noisy} cases were disturbed in A or B: these are ambiguous.");
+        }
         let drift = self.drift();
         if (drift.ln()).abs() > SAME {
             text += &format!(
@@ -312,6 +328,13 @@ mod tests {
             let is_told = ratios.text().contains("fixed work");
             (ratios.pairs[0].class(), is_told)
         };
+        let noisy = [false, true].map(|noisy| {
+            [Record {
+                noisy,
+                ..case("raycast", "compute", "", 1e-3, &spread(if noisy { 12.0 } else { 10.0 }, 0.02))
+            }]
+        });
+        assert_eq!(Ratios::new(noisy.each_ref().map(|run| &run[..])).pairs[0].class(), "ambiguous");
         assert_eq!(beside(1e9), ("slower", false));
         assert_eq!(beside(0.99e9), ("slower", false));
         assert_eq!(beside(0.83e9), ("ambiguous", true));

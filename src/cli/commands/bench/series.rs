@@ -24,6 +24,12 @@ const KNOWN: f64 = 0.01;
 /// The part of the frames and of the time that may go into warming up, or into frames that are disturbed.
 const WASTE: f64 = 0.5;
 
+/// Milliseconds over which the frames of a view are spread, even if they are quick.
+const SPREAD_MS: f64 = 3000.0;
+
+/// How many times the most frames of a case it may have until then.
+const MANY: usize = 10;
+
 /// How many frames are timed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
@@ -114,13 +120,18 @@ impl Series {
         [after.len(), after.iter().filter(|disturbed| **disturbed).count()]
     }
 
+    /// Returns whether disturbed frames count.
+    pub(super) fn is_noisy(&self) -> bool {
+        self.counted().iter().any(|&frame| self.disturbed[frame])
+    }
+
     /// Returns the number of frames before times had settled.
     pub(super) fn warm(&self) -> usize {
         self.warm
     }
 
-    /// Returns whether more frames are to be timed.
-    pub(super) fn wants_more(&self) -> bool {
+    /// Returns whether more frames are to be timed, `elapsed_ms` after the first of the view.
+    pub(super) fn wants_more(&self, elapsed_ms: f64) -> bool {
         if self.times.is_empty() || !self.has_settled {
             return true;
         }
@@ -130,11 +141,12 @@ impl Series {
         if after < self.limits.fewest {
             return true;
         }
-        // Disturbed frames are repeated, but not for ever: where most are, nothing becomes quieter.
-        if quiet >= self.limits.most
-            || after >= 2 * self.limits.most
-            || (after >= self.limits.most && disturbed > quiet)
-        {
+        // What makes frames slower may last: frames of one moment tell of that alone.
+        if self.limits.adapts && elapsed_ms < SPREAD_MS {
+            return spent < self.limits.enough_ms && after < MANY * self.limits.most;
+        }
+        // Disturbed frames are repeated, but not for ever.
+        if quiet >= self.limits.most || after >= 2 * self.limits.most {
             return false;
         }
         if quiet < self.limits.fewest {
@@ -158,13 +170,18 @@ mod tests {
     use super::*;
     use crate::cli::random::Random;
 
+    /// Cases that are drawn in turn.
+    const OTHERS: f64 = 1000.0;
+
     const LIMITS: Limits = Limits { fewest: 5, most: 100, enough_ms: 1e5, adapts: true };
 
     /// Adds frames until no more are wanted; `next` returns a time and whether the frame is disturbed.
     fn run(limits: &Limits, mut next: impl FnMut(usize) -> (f64, bool)) -> Series {
         let mut series = Series::new(*limits);
-        while series.wants_more() {
+        let mut elapsed_ms = 0.0;
+        while series.wants_more(elapsed_ms) {
             let (ms, disturbed) = next(series.times.len());
+            elapsed_ms += OTHERS * ms;
             let frame = series.add(ms);
             if disturbed {
                 series.disturb(frame);
@@ -198,6 +215,26 @@ mod tests {
     }
 
     #[test]
+    fn frames_are_spread_over_time() {
+        // Quick frames that for a second are all slower by a fifth.
+        let mut series = Series::new(LIMITS);
+        let mut elapsed_ms = 0.0;
+        while series.wants_more(elapsed_ms) {
+            let ms = if elapsed_ms < 1000.0 { 12.0 } else { 10.0 };
+            series.add(ms);
+            elapsed_ms += 2.0 * ms;
+        }
+        let counted = series.counted().into_iter().map(|frame| series.times[frame]).collect();
+        assert_eq!((Times::new(counted).unwrap().decile(), elapsed_ms >= SPREAD_MS), (10.0, true));
+        // There is an end to it.
+        let mut quick = Series::new(LIMITS);
+        while quick.wants_more(0.0) {
+            quick.add(0.01);
+        }
+        assert_eq!(quick.disturbances()[0], MANY * LIMITS.most);
+    }
+
+    #[test]
     fn frames_before_times_settle_are_left_out() {
         let mut noise = noise(3, 0.005);
         // A clock that falls by a third over ten frames.
@@ -216,10 +253,10 @@ mod tests {
         let series =
             run(&LIMITS, |i| if (12..30).contains(&i) { (17.0, true) } else { (noise(), i % 5 == 4) });
         let counted = series.counted();
-        assert!(counted.len() >= LIMITS.fewest && counted.iter().all(|&frame| !series.disturbed[frame]));
+        assert!(counted.len() >= LIMITS.fewest && !series.is_noisy());
         // Where everything is disturbed, the case ends all the same, and all frames count.
         let series = run(&LIMITS, |_| (noise(), true));
         let [after, disturbed] = series.disturbances();
-        assert!(after == disturbed && after <= 2 * LIMITS.most && !series.counted().is_empty());
+        assert!(after == disturbed && after <= 2 * LIMITS.most && series.is_noisy());
     }
 }

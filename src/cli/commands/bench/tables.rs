@@ -44,7 +44,7 @@ pub(super) fn parts<'a>(
     if let Some(Record { device, driver, api, version, .. }) = records.first() {
         parts.push(Part::Text(format!(
             "{device}, {driver}, Vulkan {api}; volraster {version}. Times are wall times from recording to fence, medians in ms, in \
-             brackets their 95 % confidence intervals (bootstrap). Errors are over premultiplied linear RGBA, relative to the float64 \
+             brackets their 95 % confidence intervals, by ranks. Errors are over premultiplied linear RGBA, relative to the float64 \
              reference."
         )));
     }

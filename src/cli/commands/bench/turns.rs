@@ -11,6 +11,7 @@ use super::case::Case;
 use crate::cli::interrupt;
 use crate::cli::load::Load;
 use crate::cli::sensors::Sensors;
+use crate::cli::timing::milliseconds_since;
 
 /// How much longer fixed work takes on a device that counts as slower.
 const SLOWER: f64 = 0.1;
@@ -21,6 +22,7 @@ const WATCH: Duration = Duration::from_millis(300);
 /// Times cases in rounds of one frame each, in alternating directions, until each has enough frames or the user requests a stop.
 pub(super) fn time(cases: &mut [Case], view: &View, watch: &mut Watch, bar: &ProgressBar) -> Result<()> {
     watch.begin()?;
+    let begin = Instant::now();
     let mut open: Vec<usize> = (0..cases.len()).collect();
     while !open.is_empty() {
         for &place in &open {
@@ -32,8 +34,10 @@ pub(super) fn time(cases: &mut [Case], view: &View, watch: &mut Watch, bar: &Pro
             }
         }
         let before = open.len();
-        let wanting =
-            |cases: &[Case]| open.iter().copied().filter(|&place| cases[place].wants_more()).collect();
+        let wanting = |cases: &[Case]| {
+            let elapsed_ms = milliseconds_since(begin);
+            open.iter().copied().filter(|&place| cases[place].wants_more(elapsed_ms)).collect()
+        };
         let mut next: Vec<usize> = wanting(cases);
         if next.is_empty() {
             // The last frames may have to be repeated.

@@ -38,7 +38,7 @@ const COLUMNS: [Column; 11] = [
         (row.errors.non_finite as f64, row.errors.non_finite.to_string())
     }),
     ranked("ms", "median wall time of a frame, from recording to fence", |row| time(row.wall.as_ref())),
-    plain("95 %", "95 % confidence interval of that median (bootstrap)", |row| interval(row.wall.as_ref())),
+    plain("95 %", "95 % confidence interval of that median, by ranks", |row| interval(row.wall.as_ref())),
     ranked("GPU ms", "median of the summed pass times on the device", |row| time(row.gpu.as_ref())),
     ranked("MiB", "device memory of scene and frame", |row| mebibytes(row.device_bytes)),
 ];
