@@ -22,16 +22,25 @@ impl Load {
 
     /// Returns the number of processors that others have taken since, on average.
     pub(crate) fn others(&self) -> Option<f64> {
-        let ticks = of_others()?.saturating_sub(self.ticks);
-        Some(ticks as f64 / TICKS / self.begin.elapsed().as_secs_f64().max(1.0 / TICKS))
+        Some(taken(of_others()?.saturating_sub(self.ticks), self.begin.elapsed().as_secs_f64()))
     }
 
     /// Returns a sentence on others' work if it took a notable part of the processors.
     pub(crate) fn note(&self) -> Option<String> {
         let processors = std::thread::available_parallelism().ok()?.get();
-        let others = self.others().filter(|others| *others > NOTABLE * processors as f64)?;
+        let others = self.others().filter(|others| is_notable(*others, processors))?;
         Some(format!("other programs took {others:.1} of {processors} processors meanwhile"))
     }
+}
+
+/// Returns the number of processors that were busy for a number of ticks in a time.
+fn taken(ticks: u64, seconds: f64) -> f64 {
+    ticks as f64 / TICKS / seconds.max(1.0 / TICKS)
+}
+
+/// Returns whether others' work on a number of processors is mentioned.
+fn is_notable(others: f64, processors: usize) -> bool {
+    others > NOTABLE * processors as f64
 }
 
 /// Returns the time that processors have spent for others, also for other guests of a virtual machine's host.

@@ -11,6 +11,9 @@ use crate::cli::random::Random;
 /// Fixed seed: the same times give the same interval.
 const SEED: u64 = 1;
 
+/// The percentile of [`Times::low`].
+const LOW: u32 = 5;
+
 /// Bootstrap resamples per interval.
 const RESAMPLES: u32 = 2000;
 
@@ -85,10 +88,10 @@ impl Times {
         self.quantile(50)
     }
 
-    /// Returns the lower decile, by which runs are compared: what disturbs frames adds to their time, and where times have two modes,
+    /// Returns the 5th percentile, by which runs are compared: what disturbs frames adds to their time, and where times have two modes,
     /// as those of a software driver may, the median is in either.
-    pub(crate) fn decile(&self) -> f64 {
-        self.quantile(10)
+    pub(crate) fn low(&self) -> f64 {
+        self.quantile(LOW)
     }
 
     /// Returns a quantile of a resample of the same size, drawn with replacement.
@@ -163,7 +166,7 @@ pub(crate) struct Ratio {
     pub(crate) outside_noise: bool,
 }
 
-/// Returns the geometric mean over pairs of the ratio of lower deciles, second over first. The bootstrap resamples both
+/// Returns the geometric mean over pairs of the ratio of 5th percentiles, second over first. The bootstrap resamples both
 /// sides of every pair. `None` without a pair.
 pub(crate) fn ratio(pairs: &[[&Times; 2]]) -> Option<Ratio> {
     if pairs.is_empty() {
@@ -171,10 +174,10 @@ pub(crate) fn ratio(pairs: &[[&Times; 2]]) -> Option<Ratio> {
     }
     let count = pairs.len() as f64;
     let mean = |logs: f64| (logs / count).exp();
-    let value = mean(pairs.iter().map(|[a, b]| (b.decile() / a.decile()).ln()).sum());
+    let value = mean(pairs.iter().map(|[a, b]| (b.low() / a.low()).ln()).sum());
     let mut random = Random(SEED);
     let mut once = || {
-        let log = |[a, b]: &[&Times; 2]| (b.resampled(10, &mut random) / a.resampled(10, &mut random)).ln();
+        let log = |[a, b]: &[&Times; 2]| (b.resampled(LOW, &mut random) / a.resampled(LOW, &mut random)).ln();
         mean(pairs.iter().map(log).sum())
     };
     let [low, high] = middle_95((0..RESAMPLES).map(|_| once()).collect());

@@ -30,7 +30,7 @@ pub(super) struct Pair<'a> {
 }
 
 /// How much a time may differ from run to run of one program, and count as the same.
-const SAME: f64 = 0.03;
+const SAME: f64 = 0.05;
 
 /// Errors that differ by less may be those of one image that is rounded otherwise: relative and absolute.
 const NEAR: [f64; 2] = [1e-3, 1e-6];
@@ -177,7 +177,7 @@ impl<'a> Ratios<'a> {
         for pair in &self.pairs {
             let mut row = vec![pair.class_and_mark().1.to_string()];
             row.extend(pair.names());
-            row.extend(pair.times.each_ref().map(|times| format!("{:.2}", times.decile())));
+            row.extend(pair.times.each_ref().map(|times| format!("{:.2}", times.low())));
             row.extend(cells(&pair.ratio));
             row.extend(pair.records.map(|record| record.error_text("rmse")));
             row.push(pair.image().to_string());
@@ -191,7 +191,7 @@ impl<'a> Ratios<'a> {
         }
         let count = |class| self.pairs.iter().filter(|pair| pair.class() == class).count();
         let mut text = format!(
-            "{}\n\n{}\n\nTimes are lower deciles. + slower ({}), - faster ({}) in B than in A: the whole 95 % interval differs by more \
+            "{}\n\n{}\n\nTimes are 5th percentiles. + slower ({}), - faster ({}) in B than in A: the whole 95 % interval differs by more \
              than {} %; ? ambiguous ({}): it tells neither that nor that times are the same; of {} cases.",
             table::aligned(&rows, &[0, 1, 2, 4, 5, 6, 13]),
             table::aligned(&means, &[0, 1]),
@@ -203,7 +203,9 @@ impl<'a> Ratios<'a> {
         );
         let noisy = self.pairs.iter().filter(|pair| pair.is_noisy()).count();
         if noisy > 0 {
-            text += &format!("\nMost frames of {noisy} cases were disturbed in A or B: these are ambiguous.");
+            text += &format!(
+                "\nAlmost all frames of {noisy} cases were disturbed in A or B: these are ambiguous."
+            );
         }
         let drift = self.drift();
         if (drift.ln()).abs() > SAME {
@@ -227,7 +229,7 @@ impl<'a> Ratios<'a> {
             for (key, name) in NAMES.into_iter().zip(pair.names()) {
                 case[key] = json!(name);
             }
-            case["ms"] = json!(pair.times.each_ref().map(Times::decile));
+            case["ms"] = json!(pair.times.each_ref().map(Times::low));
             case["rmse"] = json!(pair.records.map(|record| record.error("rmse")));
             case["class"] = json!(pair.class());
             case["image"] = json!(pair.image());

@@ -81,7 +81,7 @@ impl Results {
             volraster::io::write_text(self.folder.join(format!("{name}.svg")), &picture.svg())?;
         }
         let parts = parts(&self.records, &charts, &self.peaks, is_interrupted);
-        volraster::io::write_text(self.folder.join("table.md"), &markdown(&parts))?;
+        volraster::io::write_text(self.folder.join("table.md"), &markdown(&self.records, &parts))?;
         volraster::io::write_text(self.folder.join("report.html"), &html(&self.records, &parts))?;
         output::write_json(&self.folder.join("fronts.json"), &fronts_json(&self.records, &charts))
     }

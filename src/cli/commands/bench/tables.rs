@@ -41,12 +41,11 @@ pub(super) fn parts<'a>(
 ) -> Vec<Part<'a>> {
     let mut parts = Vec::new();
     let text = |text: &str| Part::Text(text.to_string());
-    if let Some(Record { device, driver, api, version, .. }) = records.first() {
-        parts.push(Part::Text(format!(
-            "{device}, {driver}, Vulkan {api}; volraster {version}. Times are wall times from recording to fence, medians in ms, in \
-             brackets their 95 % confidence intervals, by ranks. Errors are over premultiplied linear RGBA, relative to the float64 \
-             reference."
-        )));
+    if !records.is_empty() {
+        parts.push(text(
+            "Times are wall times from recording to fence, medians in ms, in brackets their 95 % confidence intervals, by ranks. Errors \
+             are over premultiplied linear RGBA, relative to the float64 reference.",
+        ));
     }
     if is_interrupted {
         parts.push(Part::Warning("The run was stopped early; the results are partial."));
@@ -88,7 +87,7 @@ pub(super) fn parts<'a>(
 }
 
 /// Returns the text of table.md.
-pub(super) fn markdown(parts: &[Part<'_>]) -> String {
+pub(super) fn markdown(records: &[Record], parts: &[Part<'_>]) -> String {
     let part = |part: &Part<'_>| match part {
         Part::Heading(title) => format!("## {}\n\n", escape_markdown(title)),
         Part::Text(text) => format!("{}\n\n", escape_markdown(text)),
@@ -98,7 +97,9 @@ pub(super) fn markdown(parts: &[Part<'_>]) -> String {
             format!("![{}]({}.svg)\n\n", escape_markdown(title), link_address(name))
         }
     };
-    format!("# Benchmark\n\n{}", parts.iter().map(part).collect::<String>())
+    let fact = |(name, value): (&str, String)| format!("- {name}: {}\n", escape_markdown(&value));
+    let facts: String = facts(records).into_iter().map(fact).collect();
+    format!("# Benchmark\n\n{facts}\n{}", parts.iter().map(part).collect::<String>())
 }
 
 /// Returns the text of report.html.
@@ -204,7 +205,7 @@ fn cases(view: &[&Record]) -> Vec<Vec<String>> {
     rows
 }
 
-/// Returns rows that compare cases that differ only in one feature, by the lower deciles of their times.
+/// Returns rows that compare cases that differ only in one feature, by the 5th percentiles of their times.
 fn features(view: &[&Record]) -> Vec<Vec<String>> {
     let names = ["feature", "technique", "route", "options"];
     let values = ["off ms", "on ms", "on/off", "95 %", "off RMSE", "on RMSE"];
@@ -244,8 +245,8 @@ fn features(view: &[&Record]) -> Vec<Vec<String>> {
                 technique,
                 route,
                 others.join(","),
-                three_digits(before.decile()),
-                three_digits(after.decile()),
+                three_digits(before.low()),
+                three_digits(after.low()),
                 format!("{:.2}", ratio.value),
                 format!("{:.2}..{:.2}", ratio.low, ratio.high),
                 base.error_text("rmse"),
@@ -328,7 +329,7 @@ mod tests {
     use super::*;
 
     fn markdown(records: &[Record], is_interrupted: bool) -> String {
-        super::markdown(&parts(records, &charts(records), &Peaks::default(), is_interrupted))
+        super::markdown(records, &parts(records, &charts(records), &Peaks::default(), is_interrupted))
     }
 
     #[test]
@@ -352,7 +353,7 @@ mod tests {
             "{texts:?}"
         );
         assert!(texts[0].starts_with("empty-space: march → skip slabs compute  8.01 10.0 1.25"), "{texts:?}");
-        assert!(texts[2].starts_with("stop: 0 → 0.01 slabs compute  10.0 5.01 0.50"), "{texts:?}");
+        assert!(texts[2].starts_with("stop: 0 → 0.01 slabs compute  10.0 5.00 0.50"), "{texts:?}");
     }
 
     #[test]
