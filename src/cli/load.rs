@@ -82,6 +82,22 @@ mod tests {
         assert_eq!(own("77 (a ) b) S 1 2 3 4 5 6 7 8 9 10 500 60 7 8"), Some(560));
     }
 
+    /// Of twenty runs beside a busy process each is recognised; a window without one hardly ever is.
+    #[test]
+    fn a_busy_process_is_recognised() {
+        let recorded: serde_json::Value = serde_json::from_str(include_str!("recorded.json")).unwrap();
+        let windows = |name: &str| -> Vec<Vec<bool>> {
+            let runs: Vec<Vec<(u64, f64)>> = serde_json::from_value(recorded["load"][name].clone()).unwrap();
+            let notable = |&(ticks, seconds): &(u64, f64)| is_notable(taken(ticks, seconds), 2);
+            runs.iter().map(|run| run.iter().map(notable).collect()).collect()
+        };
+        let busy = windows("busy");
+        assert_eq!((busy.len(), busy.concat().len()), (20, 160));
+        assert!(busy.iter().all(|run| run.iter().filter(|&&window| window).count() >= 6), "{busy:?}");
+        let quiet = windows("quiet").concat();
+        assert!(quiet.iter().filter(|&&window| window).count() <= 1, "{quiet:?}");
+    }
+
     /// Its own work is not that of others, and a count of its own work that runs ahead is no negative time.
     #[test]
     fn own_work_is_left_out() {

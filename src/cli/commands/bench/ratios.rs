@@ -304,6 +304,36 @@ mod tests {
         assert!(ratios.pairs.iter().all(|pair| pair.ratio.value == 1.0));
     }
 
+    /// Twenty runs of one program hardly ever differ, and a step that takes a tenth longer is slower in 19 of 20.
+    #[test]
+    fn recorded_runs_are_told_apart() {
+        let recorded: Value = serde_json::from_str(include_str!("../../recorded.json")).unwrap();
+        let runs = recorded["runs"].as_array().unwrap();
+        let record = |run: &Value, name: &str| {
+            let times: Vec<f64> = serde_json::from_value(run[name].clone()).unwrap();
+            [Record { pulse: run["pulse"].as_f64(), ..case("raycast", "compute", "", 1e-3, &times) }]
+        };
+        let class = |a: (usize, &str), b: (usize, &str)| {
+            let pair = [record(&runs[a.0], a.1), record(&runs[b.0], b.1)];
+            Ratios::new(pair.each_ref().map(|run| &run[..])).pairs[0].class()
+        };
+        let count = |classes: &[&str], class: &str| classes.iter().filter(|other| **other == class).count();
+        let mut same = Vec::new();
+        for name in ["raycast", "slabs", "raycast-slower", "slabs-slower"] {
+            for i in 0..runs.len() {
+                same.extend([1, 7].map(|step| class((i, name), ((i + step) % runs.len(), name))));
+            }
+        }
+        let different = count(&same, "slower") + count(&same, "faster");
+        assert!(same.len() == 160 && different <= 1, "{different}");
+        assert!(count(&same, "ambiguous") <= 32, "{same:?}");
+        for (name, slower) in [("raycast", "raycast-slower"), ("slabs", "slabs-slower")] {
+            let pair = |i: usize| class((i, name), ((i + 1) % runs.len(), slower));
+            let classes: Vec<&str> = (0..runs.len()).map(pair).collect();
+            assert!(count(&classes, "slower") >= 19, "{name}: {classes:?}");
+        }
+    }
+
     #[test]
     fn classes_follow_from_the_interval_and_images_from_digest_and_error() {
         let spread = |centre: f64, part: f64| -> Vec<f64> {
