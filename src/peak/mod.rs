@@ -29,7 +29,7 @@ const ENOUGH: f64 = 0.01;
 /// Number of times that work is measured; the fastest counts.
 const TRIES: u32 = 3;
 
-/// Time of a [`Pulse`] in seconds.
+/// Time of a pulse, in seconds.
 const PULSE: f64 = 0.003;
 
 /// Invocations of a workgroup.
@@ -121,7 +121,7 @@ pub struct Pulse {
 }
 
 impl Pulse {
-    /// Prepares the work, trilinear samples of a volume of 8-bit samples, of which there are as many as take [`PULSE`].
+    /// Prepares the work, trilinear samples of a volume of 8-bit samples, of which there are as many as take 3 ms.
     ///
     /// # Errors
     ///
