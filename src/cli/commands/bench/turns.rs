@@ -65,7 +65,7 @@ pub(super) struct Watch {
     frames: Vec<(usize, usize)>,
     /// The pulse before them.
     before: f64,
-    /// The frames of the view that were judged, with the slower of the pulses before and after them.
+    /// The frames of the view that were judged, with the faster of the pulses before and after them: a burst is not a slower device.
     judged: Vec<(Vec<(usize, usize)>, f64)>,
 }
 
@@ -123,7 +123,7 @@ impl Watch {
         }
         let after = self.pulse.per_second()?;
         self.best = self.best.max(after);
-        self.judged.push((std::mem::take(&mut self.frames), self.before.min(after)));
+        self.judged.push((std::mem::take(&mut self.frames), self.before.max(after)));
         for (frames, pulse) in &self.judged {
             let slower = self.best / pulse;
             for &(case, frame) in frames.iter().filter(|_| slower > 1.0 + SLOWER) {
