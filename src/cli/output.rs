@@ -147,6 +147,11 @@ pub(crate) fn without_nulls(mut object: Value) -> Value {
     object
 }
 
+/// Makes the error of a file that cannot be read.
+pub(crate) fn unreadable(path: &Path) -> impl Fn(std::io::Error) -> Error {
+    move |source| Error::Io { path: path.to_path_buf(), action: "cannot read", source }
+}
+
 /// Makes the error of a file that cannot be written.
 pub(crate) fn unwritable(path: &Path) -> impl Fn(std::io::Error) -> Error {
     move |source| Error::Io { path: path.to_path_buf(), action: "cannot write", source }

@@ -1,5 +1,5 @@
 //! Peaks of a device: the most that it does per second of each kind of work that volume rendering consists of, measured by
-//! micro-benchmarks (`glsl/peak/peak.glsl`). Behind the feature `cli`.
+//! micro-benchmarks (`glsl/peak/peak.glsl`); and pulses, which tell how fast it is at a time. Behind the feature `cli`.
 //!
 //! A frame that needs a number of fetches, bytes or pairs cannot take less time than the peak of each allows. May use `gpu` and
 //! `primitives`.
@@ -128,22 +128,9 @@ impl Pulse {
     /// [`Error::Memory`] and errors of Vulkan.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         let dispatch = filtering(gpu, vk::Format::R8_UNORM)?;
-        let mut pulse = Self { commands: Commands::new(gpu)?, dispatch, groups: 1 };
-        // The first run may compile.
-        pulse.seconds()?;
-        while pulse.groups < MOST_GROUPS && pulse.seconds()? < PULSE {
-            pulse.groups *= 2;
-        }
-        Ok(pulse)
-    }
-
-    fn seconds(&mut self) -> Result<f64> {
-        let begin = Instant::now();
-        let groups = groups_of(self.groups * GROUP, GROUP);
-        self.commands.run("pulse", |recorder| {
-            self.dispatch.record(recorder, &PeakPush { count: FETCHES }, groups);
-        })?;
-        Ok(begin.elapsed().as_secs_f64())
+        let mut commands = Commands::new(gpu)?;
+        let groups = enough(&mut commands, PULSE, MOST_GROUPS, of_groups(FETCHES, &dispatch))?;
+        Ok(Self { commands, dispatch, groups })
     }
 
     /// Does the work three times, and returns the most samples per second.
@@ -152,36 +139,57 @@ impl Pulse {
     ///
     /// [`Error::DeviceLost`] and other errors of Vulkan.
     pub fn per_second(&mut self) -> Result<f64> {
-        let times = (0..TRIES).map(|_| self.seconds()).collect::<Result<Vec<f64>>>()?;
-        let least = times.into_iter().fold(f64::INFINITY, f64::min);
-        Ok(f64::from(FETCHES) * f64::from(GROUP) * f64::from(self.groups) / least)
+        let seconds = least(&mut self.commands, self.groups, of_groups(FETCHES, &self.dispatch))?;
+        Ok(f64::from(FETCHES) * f64::from(GROUP) * f64::from(self.groups) / seconds)
     }
+}
+
+/// Runs an amount of work, and returns the seconds that it takes.
+fn seconds(commands: &mut Commands, amount: u32, record: impl Fn(&mut Recorder<'_>, u32)) -> Result<f64> {
+    let begin = Instant::now();
+    commands.run("peak", |recorder| record(recorder, amount))?;
+    Ok(begin.elapsed().as_secs_f64())
+}
+
+/// Returns an amount of work that takes a number of seconds, at most `most`.
+fn enough(
+    commands: &mut Commands,
+    wanted: f64,
+    most: u32,
+    record: impl Fn(&mut Recorder<'_>, u32),
+) -> Result<u32> {
+    // The first run may compile.
+    seconds(commands, 1, &record)?;
+    let mut amount = 1;
+    while amount < most && seconds(commands, amount, &record)? < wanted {
+        amount = amount.saturating_mul(2).min(most);
+    }
+    Ok(amount)
+}
+
+/// Returns the least of the seconds that an amount of work takes.
+fn least(commands: &mut Commands, amount: u32, record: impl Fn(&mut Recorder<'_>, u32)) -> Result<f64> {
+    let times = (0..TRIES).map(|_| seconds(commands, amount, &record)).collect::<Result<Vec<f64>>>()?;
+    Ok(times.into_iter().fold(f64::INFINITY, f64::min))
 }
 
 /// Measures how much work is done per second. `record` records an amount of it, of `each`; at most `most` is recorded at a time.
 fn rate(gpu: &Gpu, each: f64, most: u32, record: impl Fn(&mut Recorder<'_>, u32)) -> Result<f64> {
     let mut commands = Commands::new(gpu)?;
-    let mut seconds = |amount: u32| {
-        let begin = Instant::now();
-        commands.run("peak", |recorder| record(recorder, amount))?;
-        Ok(begin.elapsed().as_secs_f64())
-    };
-    // The first run may compile.
-    seconds(1)?;
-    let mut amount = 1;
-    while amount < most && seconds(amount)? < ENOUGH {
-        amount = amount.saturating_mul(2).min(most);
-    }
-    let times = (0..TRIES).map(|_| seconds(amount)).collect::<Result<Vec<f64>>>()?;
-    let least = times.into_iter().fold(f64::INFINITY, f64::min);
-    Ok(each * f64::from(amount) / least)
+    let amount = enough(&mut commands, ENOUGH, most, &record)?;
+    Ok(each * f64::from(amount) / least(&mut commands, amount, &record)?)
 }
 
-/// Measures a dispatch of as many workgroups as are enough, each doing `each` of the work per invocation.
-fn rate_of_groups(gpu: &Gpu, each: u32, dispatch: &Dispatch) -> Result<f64> {
-    rate(gpu, f64::from(each) * f64::from(GROUP), MOST_GROUPS, |recorder, groups| {
+/// Returns what records a number of workgroups, each doing `each` of the work per invocation.
+fn of_groups(each: u32, dispatch: &Dispatch) -> impl Fn(&mut Recorder<'_>, u32) {
+    move |recorder, groups| {
         dispatch.record(recorder, &PeakPush { count: each }, groups_of(groups * GROUP, GROUP));
-    })
+    }
+}
+
+/// Measures a dispatch of as many workgroups as are enough.
+fn rate_of_groups(gpu: &Gpu, each: u32, dispatch: &Dispatch) -> Result<f64> {
+    rate(gpu, f64::from(each) * f64::from(GROUP), MOST_GROUPS, of_groups(each, dispatch))
 }
 
 /// Makes a volume that fetches are measured in.

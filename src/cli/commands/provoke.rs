@@ -91,15 +91,13 @@ struct EarlierFault {
 
 impl Earlier {
     fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read(path).map_err(|source| Error::Io {
-            path: path.to_path_buf(),
-            action: "cannot read",
-            source,
-        })?;
-        serde_json::from_slice(&text).map_err(|error| Error::File {
-            path: path.to_path_buf(),
-            place: format!("line {}", error.line()),
-            rule: format!("must be results of provoke: {error}"),
+        let text = std::fs::read(path).map_err(output::unreadable(path))?;
+        serde_json::from_slice(&text).map_err(|error| {
+            output::refuse(
+                path,
+                &format!("line {}", error.line()),
+                &format!("must be results of provoke: {error}"),
+            )
         })
     }
 }

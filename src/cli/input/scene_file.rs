@@ -109,11 +109,7 @@ pub(crate) fn edited(
     technique: &Technique,
 ) -> Result<Value> {
     let mut document = if SceneFile::is_at(path, &arrays.options()) {
-        let text = std::fs::read_to_string(path).map_err(|source| Error::Io {
-            path: path.to_path_buf(),
-            action: "cannot read",
-            source,
-        })?;
+        let text = std::fs::read_to_string(path).map_err(crate::cli::output::unreadable(path))?;
         let mut document: Map<String, Value> =
             serde_json::from_str(&text).map_err(|error| refuse(path, "JSON", &error.to_string()))?;
         let folder = path.parent().unwrap_or(Path::new("."));

@@ -43,11 +43,12 @@ pub(crate) struct Args {
     /// Print the JSON Schema of a line of bench.jsonl, and measure nothing.
     #[arg(long, exclusive = true)]
     schema: bool,
-    /// Compare two earlier runs instead of measuring: print the ratio of medians, with its 95 % confidence interval, for
+    /// Compare two earlier runs instead of measuring: print the ratio of 5th percentiles of times, with its 95 % confidence interval, for
     /// every case that both runs timed. With --output, write ratios.json there.
     #[arg(long, num_args = 2, value_names = ["A.jsonl", "B.jsonl"], conflicts_with_all = ["suite", "array", "data", "only", "techniques", "frames", "size", "within", "device", "no_cache", "csv"])]
     compare: Option<Vec<PathBuf>>,
-    /// With --compare: exit with 5 if an image has changed, else with 4 if a case is slower by more than this and beyond noise.
+    /// With --compare: exit with 5 if an image has changed, else with 4 if a case is slower by more than this and beyond noise, or the
+    /// device as a whole.
     #[arg(long, value_name = "PERCENT", requires = "compare", value_parser = per_cent)]
     fail_above: Option<f64>,
     /// Measure only scenes of a suite or folder whose names contain one of these texts.

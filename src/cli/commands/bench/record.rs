@@ -7,10 +7,11 @@ use std::time::SystemTime;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
+use volraster::Result;
 use volraster::gpu::DeviceReport;
 use volraster::technique::Method;
-use volraster::{Error, Result};
 
+use crate::cli::output;
 use crate::cli::sensors::Reading;
 use crate::cli::timing::{Quantiles, Times};
 
@@ -200,8 +201,7 @@ impl Record {
     ///
     /// [`Error::Io`] when the file cannot be read, [`Error::File`] with the number of an invalid line.
     pub(super) fn read(path: &Path) -> Result<Vec<Self>> {
-        let failed = |source| Error::Io { path: path.to_path_buf(), action: "cannot read", source };
-        let bytes = std::fs::read(path).map_err(failed)?;
+        let bytes = std::fs::read(path).map_err(output::unreadable(path))?;
         let text = String::from_utf8_lossy(&bytes);
         let mut records = Vec::new();
         let mut lines = (1_usize..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()).peekable();
@@ -209,15 +209,11 @@ impl Record {
             match Self::parse(line) {
                 Ok(record) => records.push(record),
                 Err(_) if lines.peek().is_none() && !text.ends_with('\n') && !records.is_empty() => {}
-                Err(rule) => {
-                    let place = format!("line {number}");
-                    return Err(Error::File { path: path.to_path_buf(), place, rule });
-                }
+                Err(rule) => return Err(output::refuse(path, &format!("line {number}"), &rule)),
             }
         }
         if records.is_empty() {
-            let rule = "contains no record: must be a bench.jsonl".to_string();
-            return Err(Error::File { path: path.to_path_buf(), place: "bench".to_string(), rule });
+            return Err(output::refuse(path, "bench", "contains no record: must be a bench.jsonl"));
         }
         Ok(records)
     }

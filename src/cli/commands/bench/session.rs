@@ -30,7 +30,7 @@ pub(super) struct Session {
     pub(super) run: Run,
     /// Where reference images are kept.
     pub(super) cache: Cache,
-    /// What is measured in place of sweeps.
+    /// The settings that are measured in place of those of sweeps.
     pub(super) given: Given,
     /// Timed frames per case, if the user gives their number.
     pub(super) frames: Option<usize>,

@@ -103,7 +103,7 @@ impl Tried {
     }
 }
 
-/// What the views of a scene cost.
+/// The costs of the views of a scene.
 #[derive(Debug)]
 struct Cost {
     reference: Line,
@@ -134,9 +134,11 @@ impl Cost {
         }
         let mut tried = Vec::new();
         for kind in &kinds {
-            // Two settings of each technique and route: a quarter and three quarters of the way through them.
-            let places = [kind.len() / 4, 3 * kind.len() / 4];
-            for &place in &places[usize::from(kind.len() == 1)..] {
+            // Two settings of each technique and route, if it has two: a quarter and three quarters of the way through them.
+            let mut places = vec![kind.len() / 4, 3 * kind.len() / 4];
+            places.dedup();
+            let cases = kind.len() as f64 / places.len() as f64;
+            for place in places {
                 if interrupt::requested() {
                     return Ok(Self { reference, tried, views: Vec::new() });
                 }
@@ -144,7 +146,6 @@ impl Cost {
                 let more = frames(&scene, &kind[place], &views[1])?;
                 let again = frames(&scene, &kind[place], &views[0])?;
                 let line = |i: usize| Line { pixels, ms: [again[i], more[i]] };
-                let cases = kind.len() as f64 / if kind.len() == 1 { 1.0 } else { 2.0 };
                 let build = (few[0] - again[0]).max(0.0);
                 tried.push(Tried { build, first: line(0), frame: line(1), cases });
             }

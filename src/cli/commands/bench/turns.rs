@@ -122,9 +122,11 @@ impl Watch {
             }
         }
         let after = self.pulse.per_second()?;
+        // Those judged before are slower by a new best.
+        let first = if after > self.best { 0 } else { self.judged.len() };
         self.best = self.best.max(after);
         self.judged.push((std::mem::take(&mut self.frames), self.before.max(after)));
-        for (frames, pulse) in &self.judged {
+        for (frames, pulse) in &self.judged[first..] {
             let slower = self.best / pulse;
             for &(case, frame) in frames.iter().filter(|_| slower > 1.0 + SLOWER) {
                 cases[case].disturb(frame, &format!("fixed work beside them took {slower:.2} times as long"));
@@ -136,8 +138,8 @@ impl Watch {
         Ok(())
     }
 
-    /// Returns the fastest pulse while the cases of the view were timed.
+    /// Returns the fastest pulse while the cases of the view were timed, or just before if none of their frames is judged yet.
     pub(super) fn pulse(&self) -> f64 {
-        self.judged.iter().map(|(_, pulse)| *pulse).fold(0.0, f64::max)
+        self.judged.iter().map(|(_, pulse)| *pulse).fold(self.before, f64::max)
     }
 }

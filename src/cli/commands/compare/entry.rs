@@ -8,7 +8,7 @@ use volraster::measure::{ImageErrors, heat_map_f64};
 use volraster::reference::ReferenceImage;
 use volraster::scene::{Scene, SplatRule, View};
 use volraster::technique::{FrameTime, Method};
-use volraster::{Error, Gpu, GpuScene, Image, Renderer, Result, Technique};
+use volraster::{Gpu, GpuScene, Image, Renderer, Result, Technique};
 
 use super::row::Row;
 use crate::cli::input::{self, Settings, Wanted, all_routes, is_refusal};
@@ -175,6 +175,5 @@ impl Entry {
 
 /// Reads a file.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
-    let failed = |source| Error::Io { path: path.to_path_buf(), action: "cannot read", source };
-    std::fs::read(path).map_err(failed)
+    std::fs::read(path).map_err(output::unreadable(path))
 }
