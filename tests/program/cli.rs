@@ -264,6 +264,7 @@ fn wrong_usage_and_input_are_exit_code_2_and_one_line() {
     folder.run("compare scene.json -o out --techniques slices-3d,slices-9d").fails(2, &["slices-9d"]);
     folder.run("compare scene.json -o out --against gone.exr").fails(2, &["gone.exr", "cannot open"]);
     folder.run("bench gone -o out").fails(2, &["suite", "gone", "standard"]);
+    folder.run("bench scene.json -o out --only no-such").fails(2, &["--only", "no-such"]);
     folder.run("info missing.nrrd").fails(2, &["missing.nrrd"]);
     folder.run("info scene.json --array a").fails(2, &["scene.json", "array", "\"a\"", "no arrays"]);
     folder.run("info scene.json --weight w").fails(2, &["scene.json", "array \"w\"", "a grid has no weight"]);

@@ -51,7 +51,7 @@ pub(crate) struct Args {
     /// device as a whole.
     #[arg(long, value_name = "PERCENT", requires = "compare", value_parser = per_cent)]
     fail_above: Option<f64>,
-    /// Measure only scenes of a suite or folder whose names contain one of these texts.
+    /// Measure only scenes whose names contain one of these texts.
     #[arg(long, value_name = "TEXT,...", value_delimiter = ',')]
     only: Vec<String>,
     /// Measure these techniques with options in place of those of the suite; separated by `;` or `,`, may be repeated. `all`: every
@@ -221,7 +221,7 @@ impl Args {
         }
         workloads.retain(|workload| {
             let is_named = |text: &String| workload.name().contains(text.as_str());
-            self.only.is_empty() || matches!(workload, Workload::File(..)) || self.only.iter().any(is_named)
+            self.only.is_empty() || self.only.iter().any(is_named)
         });
         if workloads.is_empty() {
             return Err(invalid("--only", format!("\"{}\": is in no scene's name", self.only.join(","))));
