@@ -4,14 +4,15 @@
 #     VK_DRIVER_FILES=DRIVER.json driver.sh OUT
 #
 # OUT gets device.json, the results of the self-test (selftest/results.csv, failures.csv, junit.xml) and pipelines.json, with what
-# the driver's compiler tells about each pipeline. The exit status is that of the self-test: 0 if all failures are expected.
+# the driver's compiler tells about each pipeline. The exit status is that of the self-test: 0 if all
+# results are as expected; it is not 0 either if a test that fails by fails.txt passes.
 #
 # Environment: VOLRASTER, the program (else the one on PATH); EXPECTED, a folder that may hold fails.txt, flakes.txt and skips.txt in
 # the forms of deqp-runner; JOBS, processes at a time (else one for each processor).
 # It needs gtest-runner and deqp-runner, both of `cargo install deqp-runner`.
 set -euo pipefail
 out=$1
-program=$(command -v "${VOLRASTER:-volraster}")
+program=$(command -v "${VOLRASTER:-volraster}") || { echo "driver.sh: ${VOLRASTER:-volraster}: no such program: set VOLRASTER" >&2; exit 2; }
 jobs=${JOBS:-$(nproc)}
 
 rm -rf "$out/selftest"

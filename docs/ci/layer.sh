@@ -11,7 +11,7 @@
 set -euo pipefail
 out=$1
 shift
-program=$(command -v "${VOLRASTER:-volraster}")
+program=$(command -v "${VOLRASTER:-volraster}") || { echo "layer.sh: ${VOLRASTER:-volraster}: no such program: set VOLRASTER" >&2; exit 2; }
 # Loaders that do not know VK_EXT_layer_settings hide it from the layer.
 export VK_LOADER_DISABLE_INST_EXT_FILTER=1
 

@@ -10,7 +10,7 @@
 set -euo pipefail
 out=$1 old=$2 new=$3
 shift 3
-program=$(command -v "${VOLRASTER:-volraster}")
+program=$(command -v "${VOLRASTER:-volraster}") || { echo "speed.sh: ${VOLRASTER:-volraster}: no such program: set VOLRASTER" >&2; exit 2; }
 if [ $# = 0 ]; then set -- smoke --frames 20; fi
 
 VK_DRIVER_FILES=$old "$program" bench "$@" --quiet -o "$out/old"

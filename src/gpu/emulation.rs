@@ -33,7 +33,12 @@ impl GpuOptions {
     pub fn emulating(mut self, list: &str) -> Result<Self> {
         for word in list.split(',').filter(|word| !word.is_empty()) {
             if !self.emulate(word) {
-                let known: Vec<&str> = WORDS.iter().map(|(word, _)| *word).collect();
+                let known: Vec<String> = if word.starts_with("no-") {
+                    let names = OptionalFeature::ALL.iter().map(|feature| feature.name());
+                    std::iter::once("features").chain(names).map(|name| format!("no-{name}")).collect()
+                } else {
+                    WORDS.iter().map(|(word, _)| (*word).to_string()).collect()
+                };
                 let why = format!("\"{word}\": must be {}", known.join(", "));
                 return Err(Error::Invalid { what: "emulate".to_string(), why });
             }
@@ -144,7 +149,9 @@ mod tests {
             " permute",
         ] {
             let error = GpuOptions::default().emulating(wrong).unwrap_err().to_string();
-            assert!(error.contains(&format!("\"{wrong}\": must be as-hardware, ")), "{wrong}: {error}");
+            let known =
+                if wrong.starts_with("no-") { "no-features, no-" } else { "as-hardware, " };
+            assert!(error.contains(&format!("\"{wrong}\": must be {known}")), "{wrong}: {error}");
         }
     }
 }

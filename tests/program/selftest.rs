@@ -87,6 +87,13 @@ fn a_missing_layer_fails_unless_it_is_not_wanted() {
     let (code, out, _) = run(&["--filter", "upload/raycast", "--without-validation"], &without);
     assert_eq!(code, Some(0), "{out}");
     assert!(out.contains("skip validation/core") && out.contains("ok   upload/raycast"), "{out}");
+    // By googletest's protocol as well, whatever was asked for.
+    let (code, out, _) = run(&["--gtest_filter=upload.raycast"], &without);
+    assert_eq!(code, Some(1), "{out}");
+    assert!(
+        out.contains("[  FAILED  ] validation.core") && out.contains("[       OK ] upload.raycast"),
+        "{out}"
+    );
 }
 
 #[test]
@@ -99,6 +106,16 @@ fn cases_are_listed_by_name_and_technique() {
     assert_eq!(code, Some(2), "{err}");
     let (code, _, err) = run(&["--technique", "none"], &[]);
     assert_eq!(code, Some(2), "{err}");
+    // The protocol of googletest has options of its own.
+    for (option, of_protocol, environment) in [
+        (&["--filter", "slabs"][..], &["--gtest_filter=*"][..], &[][..]),
+        (&["--technique", "slabs"], &["--gtest_list_tests"], &[]),
+        (&["--output", "x.json"], &[], &[("GTEST_OUTPUT", "xml:x.xml")]),
+        (&["--list"], &[], &[("GTEST_FILTER", "*")]),
+    ] {
+        let (code, _, err) = run(&[option, of_protocol].concat(), environment);
+        assert!(code == Some(2) && err.contains(option[0]) && err.lines().count() == 1, "{code:?} {err}");
+    }
 }
 
 /// Baselines of suites name these tests: a name that disappears is a change that the CHANGELOG tells of.

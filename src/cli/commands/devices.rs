@@ -75,10 +75,9 @@ fn chosen_text(gpu: &Gpu) -> Result<String> {
     let limit = loop_limit(gpu)?.map_or_else(|| "none found".to_string(), |limit| limit.to_string());
     let coarse = gpu.filters_in_8_bit()?;
     let filter = if coarse { "in 8-bit fixed point: they are widened" } else { "finer than 8 bits" };
-    let budget = gpu.memory_budget() as f64 / (1_u64 << 30) as f64;
     let row = |name: &str, value: String| [name.to_string(), value];
     let mut rows = vec![
-        row("memory budget", format!("{budget:.1} GiB")),
+        row("memory budget", indicatif::BinaryBytes(gpu.memory_budget()).to_string()),
         row("largest 3D image", format!("{0} x {0} x {0}", gpu.max_image_3d())),
         row("loop limit", limit),
         row("8-bit volumes filter", filter.to_string()),

@@ -53,8 +53,11 @@ impl Args {
         volraster::io::write_image(&self.output, &image, settings.background)?;
         if !quiet {
             output::print(&format!(
-                "reference (float64, {} samples per pixel): {} x {}, {seconds:.1} s: {}",
-                self.samples * self.samples,
+                "reference (float64, {}): {} x {}, {seconds:.1} s: {}",
+                match self.samples {
+                    1 => "a sample per pixel".to_string(),
+                    side => format!("{} samples per pixel", side * side),
+                },
                 image.width(),
                 image.height(),
                 self.output.display()

@@ -246,7 +246,7 @@ impl Args {
         if !self.suite.exists() {
             let names: Vec<&str> = SUITES.iter().map(|suite| suite.name).collect();
             let why = format!(
-                "\"{}\": must be {}, a scene file, a data file or a folder of scene files",
+                "\"{}\": is no suite, and no such file is there: must be {}, a scene file, a data file or a folder of scene files",
                 self.suite.display(),
                 names.join(", ")
             );

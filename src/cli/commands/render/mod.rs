@@ -73,7 +73,8 @@ pub(crate) struct Args {
     /// repaired or not.
     #[arg(long, value_name = "FILE.png")]
     overflow_map: Option<PathBuf>,
-    /// Present each frame, too, for tools that capture what a program presents (tools/captures.sh).
+    /// Present each frame, too, for tools that capture what a program presents (tools/captures.sh). A window needs a build with the
+    /// feature `window`.
     #[arg(long, value_name = "TARGET")]
     present: Option<Target>,
     #[command(flatten)]

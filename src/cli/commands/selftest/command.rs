@@ -42,8 +42,6 @@ pub(crate) struct Args {
     /// List the cases without running them.
     #[arg(long)]
     list: bool,
-    #[command(flatten)]
-    googletest: Flags,
     /// Run without the validation layer; its checks are reported as skipped.
     #[arg(long)]
     without_validation: bool,
@@ -55,6 +53,8 @@ pub(crate) struct Args {
     /// Run only this sweep of failures, in this process. The command starts itself so.
     #[arg(long, value_name = "NAME", hide = true)]
     sweep: Option<String>,
+    #[command(flatten)]
+    googletest: Flags,
 }
 
 /// The report as JSON.
@@ -99,6 +99,7 @@ impl Args {
             volraster::io::check_writable(path)?;
         }
         if let Some(request) = self.googletest.request()? {
+            self.check_alone()?;
             return self.speak(request);
         }
         let methods =
@@ -125,6 +126,21 @@ impl Args {
         let run = self.test(&cases, &|_| true, &mut lines)?;
         lines.bar.finish_and_clear();
         self.conclude(&run, whole, quiet)
+    }
+
+    /// Checks that a run by googletest's protocol has no options in place of which the protocol has its own.
+    fn check_alone(&self) -> Result<()> {
+        let given = [
+            ("--output", self.output.is_some()),
+            ("--filter", !self.filter.is_empty()),
+            ("--technique", !self.technique.is_empty()),
+            ("--list", self.list),
+        ];
+        let why = "is not for runs by googletest's protocol, which a --gtest_ flag, GTEST_FILTER, GTEST_OUTPUT or GTEST_TOTAL_SHARDS selects";
+        match given.iter().find(|(_, given)| *given) {
+            Some((option, _)) => Err(Error::Invalid { what: (*option).to_string(), why: why.to_string() }),
+            None => Ok(()),
+        }
     }
 
     /// Lists or runs what a runner of googletest programs asks for.
@@ -166,7 +182,9 @@ impl Args {
         listener.place(&Place { device: &device, controls: &controls })?;
         let workbench = Workbench::new(self.device.clone(), validation);
         let mut done = Vec::new();
-        for (_, control) in controls.faults.iter().filter(|(_, control)| is_selected(&control.name)) {
+        // A kind of validation that is silent fails every run, also one that did not ask for it.
+        let told = |control: &Done| is_selected(&control.name) || control.status == Status::Fail;
+        for (_, control) in controls.faults.iter().filter(|(_, control)| told(control)) {
             listener.begins(&control.name)?;
             listener.ends(control)?;
             done.push(control.clone());
