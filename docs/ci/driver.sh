@@ -11,8 +11,9 @@
 # the forms of deqp-runner; JOBS, processes at a time (else one for each processor).
 # It needs gtest-runner and deqp-runner, both of `cargo install deqp-runner`.
 set -euo pipefail
-out=$1
+out=${1:?OUT: the folder for results}
 program=$(command -v "${VOLRASTER:-volraster}") || { echo "driver.sh: ${VOLRASTER:-volraster}: no such program: set VOLRASTER" >&2; exit 2; }
+{ command -v gtest-runner && command -v deqp-runner; } >/dev/null || { echo "driver.sh: gtest-runner and deqp-runner are missing: cargo install deqp-runner" >&2; exit 2; }
 jobs=${JOBS:-$(nproc)}
 
 rm -rf "$out/selftest"

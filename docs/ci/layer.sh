@@ -9,7 +9,7 @@
 #
 # Environment: VOLRASTER, the program (else the one on PATH); VK_DRIVER_FILES, the driver, such as lavapipe.
 set -euo pipefail
-out=$1
+out=${1:?OUT: the folder for results}
 shift
 program=$(command -v "${VOLRASTER:-volraster}") || { echo "layer.sh: ${VOLRASTER:-volraster}: no such program: set VOLRASTER" >&2; exit 2; }
 # Loaders that do not know VK_EXT_layer_settings hide it from the layer.

@@ -8,7 +8,7 @@
 #
 # Environment: VOLRASTER, the program (else the one on PATH).
 set -euo pipefail
-out=$1 old=$2 new=$3
+out=${1:?OUT: the folder for results} old=${2:?OLD.json: a driver} new=${3:?NEW.json: a driver}
 shift 3
 program=$(command -v "${VOLRASTER:-volraster}") || { echo "speed.sh: ${VOLRASTER:-volraster}: no such program: set VOLRASTER" >&2; exit 2; }
 if [ $# = 0 ]; then set -- smoke --frames 20; fi

@@ -1,5 +1,7 @@
 //! Short text forms of numbers.
 
+use std::fmt::Display;
+
 use volraster::glam::DVec3;
 
 /// Formats a vector with [`number`].
@@ -58,6 +60,12 @@ pub(crate) fn three_digits(value: f64) -> String {
         _ => 3,
     };
     format!("{value:.places$}")
+}
+
+/// Returns a number with the noun that it counts.
+pub(crate) fn counted<N: Display + PartialEq + From<u8>>(number: N, noun: &str) -> String {
+    let ending = if number == N::from(1) { "" } else { "s" };
+    format!("{number} {noun}{ending}")
 }
 
 #[cfg(test)]

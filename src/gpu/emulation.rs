@@ -149,8 +149,7 @@ mod tests {
             " permute",
         ] {
             let error = GpuOptions::default().emulating(wrong).unwrap_err().to_string();
-            let known =
-                if wrong.starts_with("no-") { "no-features, no-" } else { "as-hardware, " };
+            let known = if wrong.starts_with("no-") { "no-features, no-" } else { "as-hardware, " };
             assert!(error.contains(&format!("\"{wrong}\": must be {known}")), "{wrong}: {error}");
         }
     }

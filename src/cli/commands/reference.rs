@@ -7,6 +7,7 @@ use volraster::reference::{self, ReferenceOptions};
 
 use crate::cli::annotate::AnnotationArgs;
 use crate::cli::input::{ArraysArgs, Input, LookArgs, Size};
+use crate::cli::numbers::counted;
 use crate::cli::outcome::Outcome;
 use crate::cli::output;
 
@@ -53,11 +54,8 @@ impl Args {
         volraster::io::write_image(&self.output, &image, settings.background)?;
         if !quiet {
             output::print(&format!(
-                "reference (float64, {}): {} x {}, {seconds:.1} s: {}",
-                match self.samples {
-                    1 => "a sample per pixel".to_string(),
-                    side => format!("{} samples per pixel", side * side),
-                },
+                "reference (float64, {} per pixel): {} x {}, {seconds:.1} s: {}",
+                counted(self.samples * self.samples, "sample"),
                 image.width(),
                 image.height(),
                 self.output.display()

@@ -33,8 +33,8 @@ pub(crate) struct Args {
     suite: PathBuf,
     #[command(flatten)]
     arrays: ArraysArgs,
-    /// Folder for the results: bench.jsonl (one line of JSON per case), fronts.json (times at equal error), table.md, and
-    /// plots as SVG.
+    /// Folder for the results: bench.jsonl (one line of JSON per case), report.html, table.md, fronts.json (times at equal error),
+    /// peaks.json (the most that the device does), and plots as SVG; with --compare ratios.json.
     #[arg(short, long, value_name = "DIR", required_unless_present_any = ["compare", "schema"])]
     output: Option<PathBuf>,
     /// Also write bench.csv, a row per case.

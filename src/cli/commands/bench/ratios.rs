@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 use volraster::technique::Method;
 
 use super::record::Record;
+use crate::cli::numbers::counted;
 use crate::cli::table;
 use crate::cli::timing::{Ratio, Times, ratio};
 
@@ -192,19 +193,20 @@ impl<'a> Ratios<'a> {
         let count = |class| self.pairs.iter().filter(|pair| pair.class() == class).count();
         let mut text = format!(
             "{}\n\n{}\n\nTimes are 5th percentiles. + slower ({}), - faster ({}) in B than in A: the whole 95 % interval differs by more \
-             than {} %; ? ambiguous ({}): it tells neither that nor that times are the same; of {} cases.",
+             than {} %; ? ambiguous ({}): it tells neither that nor that times are the same; of {}.",
             table::aligned(&rows, &[0, 1, 2, 4, 5, 6, 13]),
             table::aligned(&means, &[0, 1]),
             count("slower"),
             count("faster"),
             100.0 * SAME,
             count("ambiguous"),
-            self.pairs.len()
+            counted(self.pairs.len(), "case")
         );
         let noisy = self.pairs.iter().filter(|pair| pair.is_noisy()).count();
         if noisy > 0 {
             text += &format!(
-                "\nAlmost all frames of {noisy} cases were disturbed in A or B: these are ambiguous."
+                "\nAlmost all frames of {} were disturbed in A or B: ambiguous.",
+                counted(noisy, "case")
             );
         }
         let drift = self.drift();

@@ -87,7 +87,7 @@ pub(super) struct Record {
     /// How many frames were disturbed, and by what; they were repeated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) disturbed: Option<String>,
-    /// Whether almost all frames were disturbed: less than half of the fewest frames of a case were not.
+    /// Whether almost all frames were disturbed: fewer were not than half of those that a case has at least.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub(super) noisy: bool,
     /// How fast the device was while the cases of the view were timed: the most trilinear samples per second of a fixed amount of work

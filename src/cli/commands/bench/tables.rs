@@ -5,7 +5,7 @@ use super::charts::{Chart, view_title};
 use super::fronts::Fronts;
 use super::record::{EVALUATIONS, Record, dash, views, word};
 use crate::cli::markup::{escape_markdown, escape_xml, link_address};
-use crate::cli::numbers::{count, three_digits};
+use crate::cli::numbers::{count, counted, three_digits};
 use crate::cli::report;
 use crate::cli::sensors::Reading;
 use crate::cli::timing::{Quantiles, Times, ratio};
@@ -144,7 +144,10 @@ fn facts(records: &[Record]) -> Vec<(&'static str, String)> {
     facts.extend(readings.into_iter().filter_map(|(name, value)| Some((name, value?))));
     let disturbed = records.iter().filter(|record| record.disturbed.is_some()).count();
     if disturbed > 0 {
-        facts.push(("Disturbed", format!("frames of {disturbed} of {} cases, repeated", records.len())));
+        facts.push((
+            "Disturbed",
+            format!("frames of {disturbed} of {}, repeated", counted(records.len(), "case")),
+        ));
     }
     facts.retain(|(_, value)| !value.is_empty());
     facts

@@ -12,6 +12,7 @@ use volraster::{Error, Result};
 use super::cases::{Done, Status};
 use super::listener::{Listener, Place};
 use crate::cli::markup::escape_xml;
+use crate::cli::numbers::counted;
 use crate::cli::output::print;
 
 /// Flags of a googletest program. Any of them, or a number of shards in the environment, selects the protocol.
@@ -268,7 +269,7 @@ impl Listener for Protocol {
         if self.told.last().is_none_or(|told| told.suite != suite) {
             self.end_suite()?;
             let count = self.suites.iter().find(|(known, _)| known == suite).map_or(1, |(_, count)| *count);
-            print(&format!("[----------] {} from {suite}", tests(count)))?;
+            print(&format!("[----------] {} from {suite}", counted(count, "test")))?;
         }
         print(&format!("[ RUN      ] {name}"))
     }
@@ -300,7 +301,11 @@ impl Protocol {
         let Some(last) = self.told.last() else { return Ok(()) };
         let of_suite = || self.told.iter().filter(|told| told.suite == last.suite);
         let ms: f64 = of_suite().map(|told| told.ms).sum();
-        print(&format!("[----------] {} from {} ({ms:.0} ms total)\n", tests(of_suite().count()), last.suite))
+        print(&format!(
+            "[----------] {} from {} ({ms:.0} ms total)\n",
+            counted(of_suite().count(), "test"),
+            last.suite
+        ))
     }
 
     /// Prints the results and writes the report.
@@ -310,10 +315,10 @@ impl Protocol {
         print("[----------] Global test environment tear-down")?;
         print(&format!("[==========] {} ran. ({ms} ms total)", self.counts()))?;
         let of = |status: Status| self.told.iter().filter(move |told| told.status == status);
-        print(&format!("[  PASSED  ] {}.", tests(of(Status::Ok).count())))?;
+        print(&format!("[  PASSED  ] {}.", counted(of(Status::Ok).count(), "test")))?;
         for (status, word) in [(Status::Skip, "[  SKIPPED ]"), (Status::Fail, "[  FAILED  ]")] {
             if of(status).count() > 0 {
-                print(&format!("{word} {}, listed below:", tests(of(status).count())))?;
+                print(&format!("{word} {}, listed below:", counted(of(status).count(), "test")))?;
                 of(status).try_for_each(|told| print(&format!("{word} {}", told.name())))?;
             }
         }
@@ -325,9 +330,8 @@ impl Protocol {
     }
 
     fn counts(&self) -> String {
-        let count = self.suites.iter().map(|(_, count)| count).sum();
-        let suites = self.suites.len();
-        format!("{} from {suites} test suite{}", tests(count), if suites == 1 { "" } else { "s" })
+        let count: usize = self.suites.iter().map(|(_, count)| count).sum();
+        format!("{} from {}", counted(count, "test"), counted(self.suites.len(), "test suite"))
     }
 
     /// Returns the results by suite, in the order in which suites began.
@@ -423,10 +427,6 @@ fn merge(into: &mut Value, from: Value) {
 
 fn failures(told: &[&Told]) -> usize {
     told.iter().filter(|told| told.status == Status::Fail).count()
-}
-
-fn tests(count: usize) -> String {
-    format!("{count} test{}", if count == 1 { "" } else { "s" })
 }
 
 fn seconds(ms: f64) -> String {
