@@ -122,7 +122,9 @@ fn a_folder_of_scenes_is_benched_with_tables_and_plots() {
     }
     for case in cases.iter().filter(|case| case.get("skipped").is_none()) {
         let wall = &case["wall_ms"];
-        assert_eq!(wall["times"].as_array().unwrap().len(), 2, "{case}");
+        // Disturbed frames are repeated.
+        let times = wall["times"].as_array().unwrap().len();
+        assert!(times == 2 || (times <= 4 && case["disturbed"].is_string()), "{case}");
         let [low, median, high] = ["low", "median", "high"].map(|key| wall[key].as_f64().unwrap());
         assert!(low <= median && median <= high, "{case}");
     }
@@ -172,7 +174,7 @@ fn a_folder_of_scenes_is_benched_with_tables_and_plots() {
 #[ignore = "make test-all"]
 fn suites_are_chosen_by_name_and_sizes_have_a_plot() {
     let folder = Folder::new();
-    folder.run("bench smoke -o out --only blobs-tets,no-such --frames 1").done();
+    folder.run("bench smoke -o out --only blobs-tets,no-such --frames 1 --within 1h").done();
     let cases = folder.json_lines("out/bench.jsonl");
     assert!(cases.iter().all(|case| case["scene"] == "blobs-tets-12" && case["family"] == "blobs-tets"));
     let names = folder.names("out");
