@@ -5,7 +5,7 @@
 #
 # OUT gets device.json, the results of the self-test (selftest/results.csv, failures.csv, junit.xml) and pipelines.json, with what
 # the driver's compiler tells about each pipeline. The exit status is that of the self-test: 0 if all
-# results are as expected; it is not 0 either if a test that fails by fails.txt passes.
+# results are as expected. That a test of fails.txt passes is not.
 #
 # Environment: VOLRASTER, the program (else the one on PATH); EXPECTED, a folder that may hold fails.txt, flakes.txt and skips.txt in
 # the forms of deqp-runner; JOBS, processes at a time (else one for each processor).

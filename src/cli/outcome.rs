@@ -4,6 +4,7 @@ use volraster::Error;
 use volraster::gpu::ValidationLog;
 
 use crate::cli::interrupt;
+use crate::cli::numbers::counted;
 
 /// A failure; the run ends with an exit code other than 0.
 #[derive(Debug, thiserror::Error)]
@@ -45,12 +46,10 @@ pub(crate) type Outcome = Result<(), Failure>;
 /// Fails if the validation layers gave messages. Call it after the device has been destroyed, which may cause
 /// messages too.
 pub(crate) fn check_validation(log: &ValidationLog) -> Outcome {
-    let count = match log.messages().len() {
-        0 => return Ok(()),
-        1 => "1 message".to_string(),
-        n => format!("{n} messages"),
-    };
-    Err(Failure::Finding(format!("the validation layers gave {count}")))
+    match log.messages().len() {
+        0 => Ok(()),
+        n => Err(Failure::Finding(format!("the validation layers gave {}", counted(n, "message")))),
+    }
 }
 
 /// Returns the id in a message of the form `error ID: text`, without the prefix that newer layers have dropped.

@@ -92,7 +92,7 @@ pub(crate) fn check_apart(what: &str, path: &Path, others: &[(&PathBuf, &str)]) 
     };
     let Some((_, role)) = others.iter().find(|(other, _)| is_same(other)) else { return Ok(()) };
     let why = format!("{}: is also {role}", path.display());
-    Err(Error::Invalid { what: what.to_string(), why })
+    Err(invalid(what, why))
 }
 
 /// Checks an output image path: its ending, and that it is writable.
@@ -145,6 +145,11 @@ pub(crate) fn without_nulls(mut object: Value) -> Value {
         members.retain(|_, value| !value.is_null());
     }
     object
+}
+
+/// Makes the error of a wrong argument.
+pub(crate) fn invalid(what: &str, why: String) -> Error {
+    Error::Invalid { what: what.to_string(), why }
 }
 
 /// Makes the error of a file that cannot be read.

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use volraster::io::ReadOptions;
 use volraster::io::scene_file::SceneFile;
-use volraster::{Error, Gpu, Result};
+use volraster::{Gpu, Result};
 
 use super::bounds::Peaks;
 use super::ratios::Ratios;
@@ -19,6 +19,7 @@ use super::sweeps::{self, Given};
 use super::workload::{Workload, files_in};
 use crate::cli::cache::Cache;
 use crate::cli::input::{self, ArraysArgs, DeviceArgs, Input, Size};
+use crate::cli::numbers::counted;
 use crate::cli::outcome::{Failure, Outcome};
 use crate::cli::{interrupt, output};
 
@@ -125,13 +126,13 @@ impl Args {
         }
         if results.records.is_empty() && !self.techniques.is_empty() {
             let why = format!("\"{}\": draws none of the scenes", self.techniques.join(";"));
-            return Err(invalid("--techniques", why).into());
+            return Err(output::invalid("--techniques", why).into());
         }
         match results.records.iter().filter(|record| record.failed.is_some()).count() {
             0 => Ok(()),
             n => {
-                let cases = results.records.len();
-                Err(Failure::Finding(format!("{n} of {cases} cases drew a wrong image")))
+                let cases = counted(results.records.len(), "case");
+                Err(Failure::Finding(format!("{n} of {cases} drew a wrong image")))
             }
         }
     }
@@ -145,7 +146,7 @@ impl Args {
         let ratios = Ratios::new(runs.each_ref().map(Vec::as_slice));
         if ratios.pairs.is_empty() {
             let why = format!("{} and {} have no timed case in common", a.display(), b.display());
-            return Err(invalid("compare", why).into());
+            return Err(output::invalid("compare", why).into());
         }
         if let Some(folder) = &self.output {
             output::make_folder(folder)?;
@@ -156,9 +157,7 @@ impl Args {
         }
         let Some(limit) = self.fail_above else { return Ok(()) };
         let [changed, slower] = [ratios.changed(), ratios.slower(limit)];
-        let count = |names: &[String]| {
-            if names.len() == 1 { "1 case".to_string() } else { format!("{} cases", names.len()) }
-        };
+        let count = |names: &[String]| counted(names.len(), "case");
         if let Some(first) = changed.first() {
             return Err(Failure::Changed(format!(
                 "the image of {} has changed, the first {first}",
@@ -190,7 +189,11 @@ impl Args {
         let Some(suite) = self.known_suite() else {
             let all = self.size.map_or(Sizes::OWN, Sizes::All);
             let why = format!("\"{}\" is no suite, and has no time", self.suite.display());
-            return if self.within.is_some() { Err(invalid("--within", why)) } else { Ok((all, None)) };
+            return if self.within.is_some() {
+                Err(output::invalid("--within", why))
+            } else {
+                Ok((all, None))
+            };
         };
         if let Some(size) = self.size {
             return Ok((Sizes::All(size), None));
@@ -224,7 +227,10 @@ impl Args {
             self.only.is_empty() || self.only.iter().any(is_named)
         });
         if workloads.is_empty() {
-            return Err(invalid("--only", format!("\"{}\": is in no scene's name", self.only.join(","))));
+            return Err(output::invalid(
+                "--only",
+                format!("\"{}\": is in no scene's name", self.only.join(",")),
+            ));
         }
         Ok(workloads)
     }
@@ -239,7 +245,7 @@ impl Args {
         if let Some(suite) = self.known_suite() {
             if let Some((option, array)) = self.arrays.given().next() {
                 let why = format!("\"{array}\": the scenes of {} come from no file", suite.name);
-                return Err(invalid(&format!("--{option}"), why));
+                return Err(output::invalid(&format!("--{option}"), why));
             }
             return Ok(suite.scenes().map(|scene| Workload::Standard(suite, scene)).collect());
         }
@@ -250,7 +256,7 @@ impl Args {
                 self.suite.display(),
                 names.join(", ")
             );
-            return Err(invalid("suite", why));
+            return Err(output::invalid("suite", why));
         }
         let mut scenes = if self.suite.is_dir() { files_in(&self.suite, false)? } else { Vec::new() };
         scenes.retain(|path| SceneFile::is_at(path, &ReadOptions::default()));
@@ -269,8 +275,4 @@ fn per_cent(text: &str) -> std::result::Result<f64, String> {
     let number = text.trim_end().trim_end_matches('%').trim_end().parse::<f64>().ok();
     let number = number.filter(|number| (0.0..=1000.0).contains(number));
     number.map(|number| number / 100.0).ok_or_else(|| "must be a percentage from 0 to 1000".to_string())
-}
-
-fn invalid(what: &str, why: String) -> Error {
-    Error::Invalid { what: what.to_string(), why }
 }

@@ -8,6 +8,7 @@ use volraster::scene::{
 use volraster::{Error, Gpu, GpuScene, Result, choice};
 
 use crate::cli::input::Size;
+use crate::cli::numbers::counted;
 use crate::cli::random::Random;
 
 /// A random scene and view with an error goal.
@@ -164,7 +165,8 @@ pub(super) fn check(
                     found.held += u32::from(rmse <= max_error);
                     found.ratios.push(ms / fastest);
                     line += &format!(
-                        "{spec} has {rmse:.1e} in {ms:.2} ms after {trials} trials; the fastest {fastest:.2} ms"
+                        "{spec} has {rmse:.1e} in {ms:.2} ms after {}; the fastest {fastest:.2} ms",
+                        counted(trials, "trial")
                     );
                 }
             }

@@ -6,9 +6,9 @@ use std::time::Instant;
 
 use serde::Serialize;
 use serde_json::json;
+use volraster::Result;
 use volraster::gpu::{DeviceReport, Fault, Validation};
 use volraster::technique::Method;
-use volraster::{Error, Result};
 
 use super::allow::Allowed;
 use super::cases::{Case, Done, Status};
@@ -20,6 +20,7 @@ use super::session;
 use super::sweeps;
 use super::workbench::{Stop, Workbench};
 use crate::cli::input::DeviceArgs;
+use crate::cli::numbers::counted;
 use crate::cli::outcome::{Failure, Outcome, id_of};
 use crate::cli::output;
 use crate::cli::timing::milliseconds_since;
@@ -95,12 +96,12 @@ impl Args {
                 self.every_call,
             );
         }
-        if let Some(path) = &self.output {
-            volraster::io::check_writable(path)?;
-        }
         if let Some(request) = self.googletest.request()? {
             self.check_alone()?;
             return self.speak(request);
+        }
+        if let Some(path) = &self.output {
+            volraster::io::check_writable(path)?;
         }
         let methods =
             self.technique.iter().map(|name| Method::from_name(name)).collect::<Result<Vec<_>>>()?;
@@ -113,7 +114,7 @@ impl Args {
         let cases: Vec<Case> = all.into_iter().filter(wanted).collect();
         if cases.is_empty() {
             let why = "no case matches this name and technique; --list prints all cases".to_string();
-            return Err(Error::Invalid { what: "filter".to_string(), why }.into());
+            return Err(output::invalid("filter", why).into());
         }
         if self.list {
             for case in &cases {
@@ -128,7 +129,7 @@ impl Args {
         self.conclude(&run, whole, quiet)
     }
 
-    /// Checks that a run by googletest's protocol has no options in place of which the protocol has its own.
+    /// Refuses the options in place of which googletest's protocol has its own.
     fn check_alone(&self) -> Result<()> {
         let given = [
             ("--output", self.output.is_some()),
@@ -138,7 +139,7 @@ impl Args {
         ];
         let why = "is not for runs by googletest's protocol, which a --gtest_ flag, GTEST_FILTER, GTEST_OUTPUT or GTEST_TOTAL_SHARDS selects";
         match given.iter().find(|(_, given)| *given) {
-            Some((option, _)) => Err(Error::Invalid { what: (*option).to_string(), why: why.to_string() }),
+            Some((option, _)) => Err(output::invalid(option, why.to_string())),
             None => Ok(()),
         }
     }
@@ -291,9 +292,10 @@ impl Run {
     fn verdict(&self) -> Outcome {
         match self.count(Status::Fail) {
             0 => Ok(()),
-            failed => {
-                Err(Failure::Finding(format!("selftest: {failed} of {} cases failed", self.done.len())))
-            }
+            failed => Err(Failure::Finding(format!(
+                "selftest: {failed} of {} failed",
+                counted(self.done.len(), "case")
+            ))),
         }
     }
 }

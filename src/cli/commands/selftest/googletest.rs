@@ -6,14 +6,14 @@ use std::time::{Duration, Instant, SystemTime};
 
 use humantime::format_rfc3339_seconds;
 use serde_json::{Value, json};
+use volraster::Result;
 use volraster::io::{check_writable, write_text};
-use volraster::{Error, Result};
 
 use super::cases::{Done, Status};
 use super::listener::{Listener, Place};
 use crate::cli::markup::escape_xml;
 use crate::cli::numbers::counted;
-use crate::cli::output::print;
+use crate::cli::output::{invalid, print};
 
 /// Flags of a googletest program. Any of them, or a number of shards in the environment, selects the protocol.
 #[derive(Debug, clap::Args)]
@@ -45,7 +45,7 @@ impl Flags {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] for a report of another form and for numbers of shards that make no sense.
+    /// [`Error::Invalid`](volraster::Error::Invalid) for a report of another form and for numbers of shards that make no sense.
     pub(super) fn request(&self) -> Result<Option<Request>> {
         let shard = Shard::of_environment()?;
         let is_asked = self.gtest_list_tests
@@ -435,10 +435,6 @@ fn seconds(ms: f64) -> String {
 
 fn timestamp(time: SystemTime) -> String {
     format_rfc3339_seconds(time).to_string()
-}
-
-fn invalid(what: &str, why: String) -> Error {
-    Error::Invalid { what: what.to_string(), why }
 }
 
 #[cfg(test)]
