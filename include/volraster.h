@@ -341,7 +341,7 @@ typedef struct vr_gpu_info {
     /**
      * Folder of the pipeline cache. NULL: volraster in the user's cache folder.
      */
-    const char *pipeline_cache;
+    const char *pipeline_cache_folder;
     /**
      * Limit of device memory, in bytes. 0: the free memory that the driver reports, or nine tenths of the largest
      * device-local heap.
@@ -442,13 +442,14 @@ typedef struct vr_device_info {
      */
     uint32_t queue_family;
     /**
-     * VK_TRUE keeps no pipelines on disk.
+     * The caller's cache, with which every pipeline is created, or VK_NULL_HANDLE. The caller keeps its contents, and destroys it
+     * when `released` is called or later. It was not made with VK_PIPELINE_CACHE_CREATE_EXTERNALLY_SYNCHRONIZED_BIT.
      */
-    VkBool32 no_pipeline_cache;
+    VkPipelineCache pipeline_cache;
     /**
-     * Folder of the pipeline cache. NULL: volraster in the user's cache folder.
+     * Folder in which the library keeps a file of pipelines, or NULL. Without this and `pipeline_cache` nothing is kept.
      */
-    const char *pipeline_cache;
+    const char *pipeline_cache_folder;
     /**
      * Limit of device memory, in bytes. 0: the free memory that the driver reports, or nine tenths of the largest
      * device-local heap.
@@ -1556,4 +1557,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 285d5e8b597442c3 */
+/* Checksum of the sources: c05b88ebc818f706 */

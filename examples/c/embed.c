@@ -204,7 +204,6 @@ static vr_gpu *open_engine(engine *e)
         .device_create_info = &device_info,
         .queue = e->queue,
         .queue_family = e->family,
-        .no_pipeline_cache = VK_TRUE,
     };
     vr_gpu *gpu;
     vr(vr_gpu_adopt(&info, &gpu), "vr_gpu_adopt");

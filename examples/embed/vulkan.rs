@@ -2,7 +2,7 @@
 
 use std::any::Any;
 use std::error::Error;
-use std::ffi::{CStr, CString, c_void};
+use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use volraster::ash::{self, ext, vk};
@@ -43,7 +43,7 @@ unsafe extern "system" fn on_message(
 pub(crate) struct Vulkan {
     entry: ash::Entry,
     instance: ash::Instance,
-    instance_extensions: Vec<CString>,
+    instance_extensions: Vec<&'static CStr>,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     physical: vk::PhysicalDevice,
     pub(crate) device: ash::Device,
@@ -67,7 +67,7 @@ impl Vulkan {
         let mut names = Vec::new();
         let mut layers = Vec::new();
         if validated {
-            names.extend([ext::debug_utils::NAME.to_owned(), ext::validation_features::NAME.to_owned()]);
+            names.extend([ext::debug_utils::NAME, ext::validation_features::NAME]);
             layers.push(LAYER.as_ptr());
         }
         let name_pointers: Vec<_> = names.iter().map(|name| name.as_ptr()).collect();
@@ -92,25 +92,15 @@ impl Vulkan {
         let names_of_device: Vec<_> = enabled.extensions.iter().map(|name| name.as_ptr()).collect();
         let queues =
             [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
-        let features = vk::PhysicalDeviceFeatures::default()
-            .fragment_stores_and_atomics(enabled.fragment_stores_and_atomics);
-        let mut features12 = vk::PhysicalDeviceVulkan12Features::default()
-            .timeline_semaphore(true)
-            .buffer_device_address(enabled.buffer_device_address);
-        let mut features13 = vk::PhysicalDeviceVulkan13Features::default()
-            .synchronization2(enabled.synchronization2)
-            .dynamic_rendering(enabled.dynamic_rendering);
-        let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default()
-            .fragment_shader_pixel_interlock(true);
-        let mut info = vk::DeviceCreateInfo::default()
+        let features = enabled.features();
+        let mut structures = enabled.structures();
+        let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
+        let info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&names_of_device)
             .enabled_features(&features)
-            .push_next(&mut features12)
-            .push_next(&mut features13);
-        if enabled.fragment_shader_pixel_interlock {
-            info = info.push_next(&mut interlock);
-        }
+            .push_next(&mut timeline);
+        let info = structures.chain(info);
         // SAFETY: every pointer refers to a local; all that is enabled is offered.
         let device = unsafe { instance.create_device(physical, &info, None) }?;
         // SAFETY: the device was created with one queue of this family.

@@ -9,10 +9,11 @@ use ash::vk;
 use super::argument::{Caller, Structure, User, check_handle, choice, given};
 use super::result::{c_text, call, destroy, make, vr_result};
 use super::vulkan::{
-    PFN_vkGetInstanceProcAddr, VkBool32, VkDevice, VkDeviceCreateInfo, VkInstance, VkPhysicalDevice, VkQueue,
+    PFN_vkGetInstanceProcAddr, VkBool32, VkDevice, VkDeviceCreateInfo, VkInstance, VkPhysicalDevice,
+    VkPipelineCache, VkQueue,
 };
-use crate::error::{Error, Result};
-use crate::gpu::{Enabled, Gpu, GpuOptions, GpuParts, QueueLock, Validation};
+use crate::error::Error;
+use crate::gpu::{Enabled, Gpu, GpuOptions, GpuParts, PipelineCache, QueueLock, Validation};
 use crate::num;
 
 /// A Vulkan device with the library's objects. It lives until this handle and all handles made from it are destroyed.
@@ -55,7 +56,7 @@ pub struct vr_gpu_info {
     /// VK_TRUE keeps no pipelines on disk.
     pub no_pipeline_cache: VkBool32,
     /// Folder of the pipeline cache. NULL: volraster in the user's cache folder.
-    pub pipeline_cache: *const c_char,
+    pub pipeline_cache_folder: *const c_char,
     /// Limit of device memory, in bytes. 0: the free memory that the driver reports, or nine tenths of the largest
     /// device-local heap.
     pub memory_budget: u64,
@@ -89,13 +90,8 @@ pub struct vr_gpu_objects {
 unsafe impl Structure for vr_gpu_objects {}
 
 /// Converts the options that opened and adopted devices share.
-fn options(caller: &Caller, no_cache: VkBool32, cache: *const c_char, budget: u64) -> Result<GpuOptions> {
-    Ok(GpuOptions {
-        no_pipeline_cache: no_cache != vk::FALSE,
-        pipeline_cache: caller.path(cache, "pipeline_cache")?.map(Into::into),
-        memory_budget: (budget > 0).then_some(budget),
-        ..GpuOptions::default()
-    })
+fn options(pipeline_cache: PipelineCache, budget: u64) -> GpuOptions {
+    GpuOptions { pipeline_cache, memory_budget: (budget > 0).then_some(budget), ..GpuOptions::default() }
 }
 
 /// Opens a device, without a window. `info` may be NULL, for default options.
@@ -114,10 +110,16 @@ pub unsafe extern "C" fn vr_gpu_create(info: *const vr_gpu_info, gpu: *mut *mut 
     make(unsafe { Caller::trusted() }, (gpu, "gpu"), |caller| {
         let info = caller.structure_or_zeros(info, "vr_gpu_info")?;
         let validations = [Validation::Off, Validation::On, Validation::GpuAssisted];
+        let folder = caller.path(info.pipeline_cache_folder, "pipeline_cache_folder")?;
+        let pipeline_cache = match folder {
+            _ if info.no_pipeline_cache != vk::FALSE => PipelineCache::Off,
+            Some(folder) => PipelineCache::Folder(folder.into()),
+            None => PipelineCache::Auto,
+        };
         let options = GpuOptions {
             device: caller.text(info.device, "device")?.map(str::to_string),
             validation: choice(info.validation, 0, &validations, "validation")?,
-            ..options(caller, info.no_pipeline_cache, info.pipeline_cache, info.memory_budget)?
+            ..options(pipeline_cache, info.memory_budget)
         };
         Ok(vr_gpu::new(Gpu::new(&options)?))
     })
@@ -254,10 +256,11 @@ pub struct vr_device_info {
     pub queue: VkQueue,
     /// Family of the queue.
     pub queue_family: u32,
-    /// VK_TRUE keeps no pipelines on disk.
-    pub no_pipeline_cache: VkBool32,
-    /// Folder of the pipeline cache. NULL: volraster in the user's cache folder.
-    pub pipeline_cache: *const c_char,
+    /// The caller's cache, with which every pipeline is created, or VK_NULL_HANDLE. The caller keeps its contents, and destroys it
+    /// when `released` is called or later. It was not made with VK_PIPELINE_CACHE_CREATE_EXTERNALLY_SYNCHRONIZED_BIT.
+    pub pipeline_cache: VkPipelineCache,
+    /// Folder in which the library keeps a file of pipelines, or NULL. Without this and `pipeline_cache` nothing is kept.
+    pub pipeline_cache_folder: *const c_char,
     /// Limit of device memory, in bytes. 0: the free memory that the driver reports, or nine tenths of the largest
     /// device-local heap.
     pub memory_budget: u64,
@@ -328,9 +331,23 @@ pub unsafe extern "C" fn vr_gpu_adopt(info: *const vr_device_info, gpu: *mut *mu
         let count = num::index(info.instance_extension_count);
         let mut instance_extensions = Vec::new();
         for &name in caller.array(info.instance_extensions, count, "instance_extensions")? {
-            instance_extensions.extend(caller.text(name, "instance_extensions")?.map(c_text));
+            let name = caller.text(name, "instance_extensions")?.map(c_text);
+            let used = ash::ext::debug_utils::NAME;
+            instance_extensions.extend(name.filter(|name| name.as_c_str() == used).map(|_| used));
         }
-        let options = options(caller, info.no_pipeline_cache, info.pipeline_cache, info.memory_budget)?;
+        let folder = caller.path(info.pipeline_cache_folder, "pipeline_cache_folder")?;
+        let pipeline_cache = match (folder, info.pipeline_cache) {
+            (None, cache) if cache == vk::PipelineCache::null() => PipelineCache::Off,
+            (None, cache) => PipelineCache::Caller(cache),
+            (Some(folder), cache) if cache == vk::PipelineCache::null() => {
+                PipelineCache::Folder(folder.into())
+            }
+            _ => {
+                let why = "both are given: pipelines are kept in one of them";
+                return Err(Error::invalid("pipeline_cache and pipeline_cache_folder", why));
+            }
+        };
+        let options = options(pipeline_cache, info.memory_budget);
         let entry = match info.get_instance_proc_addr {
             // SAFETY: the caller promises that it is the loader's.
             Some(get) => unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr: get }) },

@@ -5,7 +5,8 @@ use ash::vk;
 pub use ash::vk::{
     Bool32 as VkBool32, CommandBuffer as VkCommandBuffer, Device as VkDevice, Extent2D as VkExtent2D,
     Format as VkFormat, Image as VkImage, ImageLayout as VkImageLayout, ImageView as VkImageView,
-    Instance as VkInstance, PhysicalDevice as VkPhysicalDevice, Queue as VkQueue, Result as VkResult,
+    Instance as VkInstance, PhysicalDevice as VkPhysicalDevice, PipelineCache as VkPipelineCache,
+    Queue as VkQueue, Result as VkResult,
 };
 
 /// `VkDeviceCreateInfo`.

@@ -1,5 +1,6 @@
 //! The plan of a frame: pipelines, buffers and images of one view, which are recorded into command buffers.
 
+use std::any::Any;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -114,6 +115,8 @@ struct Held {
     passes: Vec<String>,
     outcomes: Vec<Arc<dyn Outcome>>,
     _in_flight: Arc<()>,
+    // Last: the caller's, which may own the device.
+    _owner: Option<Arc<dyn Any + Send + Sync>>,
 }
 
 impl Recorded {
@@ -259,6 +262,9 @@ impl Plan {
 
     /// Records the frame into the caller's command buffer. Does not submit, wait or allocate device memory.
     ///
+    /// The command buffer, the target and the depth image must live until the submission has ended; [`Plan::record_keeping`] keeps
+    /// their owner.
+    ///
     /// `target` is the image that [`TargetDesc::caller`] announced, and `None` for [`TargetDesc::own`]. `depth` is the image that
     /// [`TargetDesc::with_depth`] announced.
     ///
@@ -272,6 +278,33 @@ impl Plan {
         commands: &mut CommandBuffer,
         target: Option<&TargetImage>,
         depth: Option<&DepthImage>,
+    ) -> Result<Recorded> {
+        self.record_owned(commands, target, depth, None)
+    }
+
+    /// Records as [`Plan::record`], and keeps `owner` until the recording is [completed](Recorded::completed) or
+    /// [discarded](Recorded::discarded): for instance the views that the commands name, where nothing else of the engine's keeps them
+    /// until the submission has ended.
+    ///
+    /// # Errors
+    ///
+    /// As [`Plan::record`].
+    pub fn record_keeping(
+        &mut self,
+        commands: &mut CommandBuffer,
+        target: Option<&TargetImage>,
+        depth: Option<&DepthImage>,
+        owner: Arc<dyn Any + Send + Sync>,
+    ) -> Result<Recorded> {
+        self.record_owned(commands, target, depth, Some(owner))
+    }
+
+    fn record_owned(
+        &mut self,
+        commands: &mut CommandBuffer,
+        target: Option<&TargetImage>,
+        depth: Option<&DepthImage>,
+        owner: Option<Arc<dyn Any + Send + Sync>>,
     ) -> Result<Recorded> {
         self.gpu.alive()?;
         let device = self.gpu.device().handle();
@@ -346,6 +379,7 @@ impl Plan {
                 .chain(counts)
                 .collect(),
             _in_flight: Arc::clone(&self.in_flight),
+            _owner: owner,
         };
         Ok(Recorded { held: std::mem::ManuallyDrop::new(held) })
     }

@@ -1,7 +1,7 @@
 //! Devices made by the caller.
 
 use std::any::Any;
-use std::ffi::{CStr, CString};
+use std::ffi::CStr;
 use std::sync::Arc;
 
 use ash::{ext, vk};
@@ -34,7 +34,7 @@ pub struct GpuParts {
     pub api_version: u32,
     /// Enabled instance extensions. The crate uses `VK_EXT_debug_utils` for
     /// [`OptionalFeature::DebugNames`](super::OptionalFeature::DebugNames), and ignores others.
-    pub instance_extensions: Vec<CString>,
+    pub instance_extensions: Vec<&'static CStr>,
     /// A physical device of that instance, for Vulkan 1.3 or later.
     pub physical_device: vk::PhysicalDevice,
     /// The device.
@@ -135,8 +135,7 @@ impl Gpu {
         candidate.report.reason = "the caller's".to_string();
         let GpuParts { entry, instance, device, mut enabled, keep, .. } = parts;
         enabled.fragment_shader_pixel_interlock &= enabled.has(ext::fragment_shader_interlock::NAME);
-        let debug_utils =
-            parts.instance_extensions.iter().any(|name| name.as_c_str() == ext::debug_utils::NAME);
+        let debug_utils = parts.instance_extensions.contains(&ext::debug_utils::NAME);
         let reports = vec![candidate.report.clone()];
         let opened = Opened {
             instance: Instance::adopt(entry, instance, debug_utils, keep),

@@ -23,11 +23,10 @@ pub(crate) struct PipelineCacheFile {
 }
 
 impl PipelineCacheFile {
-    /// Returns the file of a device in `folder`, or in the user's cache folder; `None` where there is no such folder.
-    pub(crate) fn locate(folder: Option<&Path>, properties: &vk::PhysicalDeviceProperties) -> Option<Self> {
-        let folder = folder.map(Path::to_path_buf).or_else(user_cache_folder)?;
+    /// Returns the file of a device in `folder`.
+    pub(crate) fn new(folder: &Path, properties: &vk::PhysicalDeviceProperties) -> Self {
         let name = format!("pipelines-{:08x}-{:08x}.bin", properties.vendor_id, properties.device_id);
-        Some(Self { path: folder.join(name), identity: identity(properties) })
+        Self { path: folder.join(name), identity: identity(properties) }
     }
 
     /// Returns the cached data if the file is undamaged and belongs to this device and driver.

@@ -80,8 +80,9 @@ pub(crate) struct Inner {
     pub(super) frames: AtomicU64,
     pub(super) cache_file: Option<PipelineCacheFile>,
     pub(super) cache: vk::PipelineCache,
-    /// The first call that reported the loss of the device.
-    pub(super) lost: OnceLock<&'static str>,
+    /// Whether dropping this destroys the cache.
+    pub(super) own_cache: bool,
+    pub(super) lost: LossNote,
     pub(super) staging_bytes: u64,
     pub(super) loop_limit: OnceLock<u32>,
     /// Largest errors of the filters of 8-bit and 16-bit volumes.
@@ -142,7 +143,7 @@ impl Gpu {
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
     }
 
-    /// Writes the pipeline cache to disk unless it is switched off. Dropping the last clone does so, too.
+    /// Writes the pipeline cache to its file, if it has one ([`GpuOptions::pipeline_cache`](super::GpuOptions::pipeline_cache)). Dropping the last clone does so, too.
     pub fn save_pipeline_cache(&self) {
         self.inner.save_cache();
     }
@@ -151,13 +152,13 @@ impl Gpu {
     /// call Vulkan. Its objects can be dropped as usual, and [`Gpu::new`] may open the device again.
     #[must_use]
     pub fn is_lost(&self) -> bool {
-        self.inner.lost.get().is_some()
+        self.inner.lost.first.get().is_some()
     }
 
-    /// Marks the device as lost, after a call of the caller's own, such as a submission, has returned
-    /// `ERROR_DEVICE_LOST`.
-    pub fn note_loss(&self) {
-        let _ = self.inner.lost.set("a call of the caller");
+    /// Returns the note by which a caller tells that the device is lost.
+    #[must_use]
+    pub fn loss_note(&self) -> LossNote {
+        self.inner.lost.clone()
     }
 
     /// Checks that the device is not known to be lost; called before work starts.
@@ -166,23 +167,43 @@ impl Gpu {
     ///
     /// [`Error::DeviceLost`] with the call that reported the loss first.
     pub(crate) fn alive(&self) -> Result<()> {
-        self.inner.lost.get().map_or(Ok(()), |&call| Err(Error::DeviceLost { call }))
+        self.inner.lost.first.get().map_or(Ok(()), |&call| Err(Error::DeviceLost { call }))
     }
 
     /// Returns the error of a failed call, and remembers a loss.
     pub(crate) fn failed(&self, call: &'static str, result: vk::Result) -> Error {
         if result == vk::Result::ERROR_DEVICE_LOST {
-            let call = *self.inner.lost.get_or_init(|| call);
+            let call = *self.inner.lost.first.get_or_init(|| call);
             return Error::DeviceLost { call };
         }
         Error::vulkan(call, result)
     }
 }
 
+/// Tells a [`Gpu`] that its device is lost.
+///
+/// It holds neither the [`Gpu`] nor the device: a callback of the engine for a lost device may own one, where a clone of the [`Gpu`]
+/// would keep the device alive that owns the callback.
+#[derive(Clone, Debug, Default)]
+pub struct LossNote {
+    /// The first call that reported the loss.
+    first: Arc<OnceLock<&'static str>>,
+}
+
+impl LossNote {
+    /// Marks the device as lost, after a call of the caller's own, such as a submission, has returned `ERROR_DEVICE_LOST`, or the engine
+    /// has told of the loss. Does nothing after the last clone of the [`Gpu`] is gone.
+    pub fn note(&self) {
+        let _ = self.first.set("a call of the caller");
+    }
+}
+
 impl Inner {
     fn save_cache(&self) {
-        let Some(file) = &self.cache_file else { return };
-        // SAFETY: the cache was made from this device and is not null: `open` returns otherwise.
+        let Some(file) = self.cache_file.as_ref().filter(|_| self.cache != vk::PipelineCache::null()) else {
+            return;
+        };
+        // SAFETY: the cache was made from this device.
         if let Ok(data) = unsafe { self.device.get_pipeline_cache_data(self.cache) } {
             file.store(&data);
         }
@@ -197,9 +218,7 @@ impl Drop for Inner {
             // SAFETY: the device is alive. If it is lost there is nothing to wait for.
             let _ = unsafe { self.device.device_wait_idle() };
         }
-        if self.cache != vk::PipelineCache::null() {
-            self.save_cache();
-        }
+        self.save_cache();
         for pipeline in self.pipelines.get_mut().unwrap_or_else(PoisonError::into_inner).values() {
             pipeline.destroy(&self.device);
         }
@@ -208,8 +227,10 @@ impl Drop for Inner {
             // each holds the `Gpu`.
             unsafe { self.device.destroy_sampler(sampler, None) };
         }
-        // SAFETY: made from this device, or null; no pipeline is being built.
-        unsafe { self.device.destroy_pipeline_cache(self.cache, None) };
+        if self.own_cache {
+            // SAFETY: made from this device, or null; no pipeline is being built.
+            unsafe { self.device.destroy_pipeline_cache(self.cache, None) };
+        }
         // The allocator frees its blocks of memory before the device is destroyed.
         drop(self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner).take());
         if self.owned {

@@ -1,6 +1,6 @@
 //! Extensions and features: those enabled on a device, and the optional ones with their fallbacks.
 
-use std::ffi::{CStr, CString};
+use std::ffi::CStr;
 
 use ash::{ext, vk};
 
@@ -101,7 +101,7 @@ impl OptionalFeature {
 pub struct Enabled {
     /// Device extensions. The crate uses `VK_EXT_memory_budget` and `VK_EXT_fragment_shader_interlock`, and ignores
     /// others.
-    pub extensions: Vec<CString>,
+    pub extensions: Vec<&'static CStr>,
     /// The feature `synchronization2`, which is required.
     pub synchronization2: bool,
     /// The feature `dynamicRendering`, which is required.
@@ -159,11 +159,11 @@ impl Enabled {
         // Vulkan requires that the portability subset is enabled where a device offers it.
         for name in [ext::memory_budget::NAME, ash::khr::portability_subset::NAME] {
             if has(name) {
-                extensions.push(name.to_owned());
+                extensions.push(name);
             }
         }
         if pixel_interlock {
-            extensions.push(ext::fragment_shader_interlock::NAME.to_owned());
+            extensions.push(ext::fragment_shader_interlock::NAME);
         }
         Self {
             extensions,
@@ -192,12 +192,55 @@ impl Enabled {
         // SAFETY: the caller's promise.
         let mut enabled = unsafe { Self::of_offered(instance, physical, &offered) };
         if !presents && offers(&offered, ext::frame_boundary::NAME) {
-            enabled.extensions.push(ext::frame_boundary::NAME.to_owned());
+            enabled.extensions.push(ext::frame_boundary::NAME);
         }
         Ok(enabled.without(without))
     }
 
-    /// Reads what a device was made with: extensions, and features in any of the structures that may hold them.
+    /// Adds everything that `other` enables, such as what an engine has enabled beside [`Enabled::useful`].
+    pub fn merge(&mut self, other: &Self) {
+        let new = other.extensions.iter().filter(|name| !self.has(name));
+        let new: Vec<_> = new.copied().collect();
+        self.extensions.extend(new);
+        for (on, too) in [
+            (&mut self.synchronization2, other.synchronization2),
+            (&mut self.dynamic_rendering, other.dynamic_rendering),
+            (&mut self.buffer_device_address, other.buffer_device_address),
+            (&mut self.fragment_stores_and_atomics, other.fragment_stores_and_atomics),
+            (&mut self.fragment_shader_pixel_interlock, other.fragment_shader_pixel_interlock),
+        ] {
+            *on |= too;
+        }
+    }
+
+    /// Returns the core features, for [`vk::DeviceCreateInfo::enabled_features`] or [`vk::PhysicalDeviceFeatures2`].
+    #[must_use]
+    pub fn features(&self) -> vk::PhysicalDeviceFeatures {
+        vk::PhysicalDeviceFeatures::default().fragment_stores_and_atomics(self.fragment_stores_and_atomics)
+    }
+
+    /// Returns the structures of all other features, one structure a feature.
+    #[must_use]
+    pub fn structures(&self) -> FeatureStructures {
+        FeatureStructures {
+            synchronization2: self
+                .synchronization2
+                .then(|| vk::PhysicalDeviceSynchronization2Features::default().synchronization2(true)),
+            dynamic_rendering: self
+                .dynamic_rendering
+                .then(|| vk::PhysicalDeviceDynamicRenderingFeatures::default().dynamic_rendering(true)),
+            addresses: self.buffer_device_address.then(|| {
+                vk::PhysicalDeviceBufferDeviceAddressFeatures::default().buffer_device_address(true)
+            }),
+            interlock: self.fragment_shader_pixel_interlock.then(|| {
+                vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default()
+                    .fragment_shader_pixel_interlock(true)
+            }),
+        }
+    }
+
+    /// Reads what a device was made with: the extensions that the crate uses, and features in any of the structures that may hold
+    /// them. What is added to `info` later is not read: [`Enabled::merge`] adds it.
     ///
     /// # Safety
     ///
@@ -209,8 +252,11 @@ impl Enabled {
         if count > 0 {
             // SAFETY: there are as many names as the structure counts.
             let names = unsafe { std::slice::from_raw_parts(info.pp_enabled_extension_names, count) };
-            // SAFETY: each is a string that ends with zero.
-            enabled.extensions.extend(names.iter().map(|&name| unsafe { CStr::from_ptr(name) }.to_owned()));
+            for &name in names {
+                // SAFETY: a string that ends with zero.
+                let name = unsafe { CStr::from_ptr(name) };
+                enabled.extensions.extend(USED.iter().find(|used| **used == name));
+            }
         }
         // SAFETY: null or valid.
         if let Some(features) = unsafe { info.p_enabled_features.as_ref() } {
@@ -254,14 +300,14 @@ impl Enabled {
                 OptionalFeature::FragmentStores => self.fragment_stores_and_atomics = false,
                 OptionalFeature::FragmentInterlock => {
                     self.fragment_shader_pixel_interlock = false;
-                    self.extensions.retain(|name| name.as_c_str() != ext::fragment_shader_interlock::NAME);
+                    self.extensions.retain(|name| *name != ext::fragment_shader_interlock::NAME);
                 }
                 OptionalFeature::BufferAddresses => self.buffer_device_address = false,
                 OptionalFeature::MemoryBudget => {
-                    self.extensions.retain(|name| name.as_c_str() != ext::memory_budget::NAME);
+                    self.extensions.retain(|name| *name != ext::memory_budget::NAME);
                 }
                 OptionalFeature::FrameBoundary => {
-                    self.extensions.retain(|name| name.as_c_str() != ext::frame_boundary::NAME);
+                    self.extensions.retain(|name| *name != ext::frame_boundary::NAME);
                 }
                 _ => {}
             }
@@ -271,7 +317,7 @@ impl Enabled {
 
     /// Returns whether an extension is enabled.
     pub(super) fn has(&self, name: &CStr) -> bool {
-        self.extensions.iter().any(|extension| extension.as_c_str() == name)
+        self.extensions.contains(&name)
     }
 
     /// Returns the first extension or feature that `offered` lacks.
@@ -290,6 +336,46 @@ impl Enabled {
         pairs.filter(|((_, on), (_, there))| *on && !there).map(|((name, _), _)| name).next()
     }
 }
+
+/// Structures of features for the chain of `vkCreateDevice`, from [`Enabled::structures`].
+#[derive(Clone, Copy, Debug)]
+pub struct FeatureStructures {
+    synchronization2: Option<vk::PhysicalDeviceSynchronization2Features<'static>>,
+    dynamic_rendering: Option<vk::PhysicalDeviceDynamicRenderingFeatures<'static>>,
+    addresses: Option<vk::PhysicalDeviceBufferDeviceAddressFeatures<'static>>,
+    interlock: Option<vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT<'static>>,
+}
+
+impl FeatureStructures {
+    /// Puts the structures in front of the chain of `info`.
+    ///
+    /// Vulkan allows each structure once in a chain, and none of these beside `VkPhysicalDeviceVulkan12Features` or
+    /// `VkPhysicalDeviceVulkan13Features`, which hold the same features: a caller whose chain has these sets their fields instead.
+    #[must_use]
+    pub fn chain<'a>(&'a mut self, mut info: vk::DeviceCreateInfo<'a>) -> vk::DeviceCreateInfo<'a> {
+        if let Some(it) = &mut self.synchronization2 {
+            info = info.push_next(it);
+        }
+        if let Some(it) = &mut self.dynamic_rendering {
+            info = info.push_next(it);
+        }
+        if let Some(it) = &mut self.addresses {
+            info = info.push_next(it);
+        }
+        if let Some(it) = &mut self.interlock {
+            info = info.push_next(it);
+        }
+        info
+    }
+}
+
+/// The device extensions that the crate uses.
+const USED: [&CStr; 4] = [
+    ext::memory_budget::NAME,
+    ash::khr::portability_subset::NAME,
+    ext::fragment_shader_interlock::NAME,
+    ext::frame_boundary::NAME,
+];
 
 /// Returns the extensions that a device offers.
 ///
@@ -348,7 +434,8 @@ mod tests {
         let info = vk::DeviceCreateInfo::default;
         assert_eq!(read(info()), none);
         let extensions = read(info().enabled_extension_names(&names)).extensions;
-        assert_eq!(extensions, [ext::memory_budget::NAME, c"VK_KHR_swapchain"]);
+        // The crate has no use for the other.
+        assert_eq!(extensions, [ext::memory_budget::NAME]);
         let stores = Enabled { fragment_stores_and_atomics: true, ..none.clone() };
         assert_eq!(read(info().enabled_features(&plain)), stores);
         assert_eq!(read(info().push_next(&mut features2)), stores);
@@ -369,16 +456,50 @@ mod tests {
         assert_eq!(read(all), want);
     }
 
-    #[test]
-    fn what_a_device_does_not_offer_cannot_be_enabled() {
-        let all = Enabled {
-            extensions: vec![ext::memory_budget::NAME.to_owned()],
+    fn everything() -> Enabled {
+        Enabled {
+            extensions: vec![ext::memory_budget::NAME],
             synchronization2: true,
             dynamic_rendering: true,
             buffer_device_address: true,
             fragment_stores_and_atomics: true,
             fragment_shader_pixel_interlock: true,
-        };
+        }
+    }
+
+    /// Each feature alone, and all together, are read back from the chain that they make, and merged to the same.
+    #[test]
+    fn the_chain_of_what_is_enabled_is_read_back_as_it() {
+        let (all, none) = (everything(), Enabled::default);
+        let single = [
+            Enabled { extensions: all.extensions.clone(), ..none() },
+            Enabled { synchronization2: true, ..none() },
+            Enabled { dynamic_rendering: true, ..none() },
+            Enabled { buffer_device_address: true, ..none() },
+            Enabled { fragment_stores_and_atomics: true, ..none() },
+            Enabled { fragment_shader_pixel_interlock: true, ..none() },
+        ];
+        let mut merged = none();
+        for enabled in &single {
+            merged.merge(enabled);
+        }
+        assert_eq!(merged, all);
+        merged.merge(&all);
+        assert_eq!(merged, all);
+        for enabled in single.iter().chain([&all, &none()]) {
+            let names: Vec<_> = enabled.extensions.iter().map(|name| name.as_ptr()).collect();
+            let (features, mut structures) = (enabled.features(), enabled.structures());
+            let info =
+                vk::DeviceCreateInfo::default().enabled_extension_names(&names).enabled_features(&features);
+            let info = structures.chain(info);
+            // SAFETY: every pointer refers to a local.
+            assert_eq!(unsafe { Enabled::from_create_info(&info) }, *enabled);
+        }
+    }
+
+    #[test]
+    fn what_a_device_does_not_offer_cannot_be_enabled() {
+        let all = everything();
         assert_eq!(all.beyond(&all), None);
         assert_eq!(Enabled::default().beyond(&Enabled::default()), None);
         for (offered, want) in [

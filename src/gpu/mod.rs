@@ -68,15 +68,15 @@ pub(crate) use timers::Timers;
 pub use adopt::GpuParts;
 pub use cache::user_cache_folder;
 pub use depth::{DepthImage, DepthProjection};
-pub use device::{Gpu, Handles};
+pub use device::{Gpu, Handles, LossNote};
 pub use external::{CommandBuffer, TargetImage};
 #[cfg(feature = "testing")]
 pub use faults::Fault;
-pub use feature::{Enabled, OptionalFeature};
+pub use feature::{Enabled, FeatureStructures, OptionalFeature};
 #[cfg(feature = "testing")]
 pub use inject::Injection;
 pub use open::devices;
-pub use options::GpuOptions;
+pub use options::{GpuOptions, PipelineCache};
 pub use queue::QueueLock;
 pub use select::DeviceReport;
 pub use statistics::{PipelineReport, ShaderStatistics};

@@ -7,11 +7,11 @@ use ash::{ext, khr, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 
 use super::budget::Budget;
-use super::cache::PipelineCacheFile;
-use super::device::{Gpu, Inner};
+use super::cache::{PipelineCacheFile, user_cache_folder};
+use super::device::{Gpu, Inner, LossNote};
 use super::feature::{Enabled, OptionalFeature};
 use super::instance::Instance;
-use super::options::GpuOptions;
+use super::options::{GpuOptions, PipelineCache};
 use super::queue::Queue;
 use super::select::{self, Candidate, DeviceReport};
 use super::statistics;
@@ -66,10 +66,15 @@ impl Gpu {
     ///
     /// # Errors
     ///
+    /// [`Error::Invalid`] for [`PipelineCache::Caller`],
     /// [`Error::NoDevice`] without a loader or a qualifying device (with the reason for each),
     /// [`Error::Unsupported`] when validation is requested and its layer is missing,
     /// [`Error::Vulkan`] when a call fails.
     pub fn new(options: &GpuOptions) -> Result<Self> {
+        if let PipelineCache::Caller(_) = options.pipeline_cache {
+            let why = "a cache of the caller belongs to the caller's device: see Gpu::from_raw";
+            return Err(Error::invalid("pipeline_cache", why));
+        }
         let instance = Instance::new(options)?;
         let wanted = wanted_name(options.device.as_deref());
         let (best, mut candidates) = select::survey(&instance, wanted.as_deref())?;
@@ -100,38 +105,27 @@ impl Gpu {
         if options.presents().is_some() {
             names.push(khr::swapchain::NAME.as_ptr());
         }
-        let mut features = vk::PhysicalDeviceFeatures::default()
-            .fragment_stores_and_atomics(enabled.fragment_stores_and_atomics);
+        let mut features = enabled.features();
         // GPU-assisted validation makes every stage write.
         if options.validation.gpu_assisted() {
             // SAFETY: `physical` was enumerated from this instance.
             let available = unsafe { instance.raw.get_physical_device_features(physical) };
             features.vertex_pipeline_stores_and_atomics = available.vertex_pipeline_stores_and_atomics;
         }
-        let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default()
-            .fragment_shader_pixel_interlock(true);
-        let mut features13 = vk::PhysicalDeviceVulkan13Features::default()
-            .synchronization2(enabled.synchronization2)
-            .dynamic_rendering(enabled.dynamic_rendering);
-        let mut features12 = vk::PhysicalDeviceVulkan12Features::default()
-            .buffer_device_address(enabled.buffer_device_address);
+        let mut structures = enabled.structures();
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default()
             .queue_family_index(candidate.queue_family)
             .queue_priorities(&priorities)];
-        let mut info = vk::DeviceCreateInfo::default()
+        let info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&names)
-            .enabled_features(&features)
-            .push_next(&mut features13)
-            .push_next(&mut features12);
+            .enabled_features(&features);
+        let mut info = structures.chain(info);
         // Vulkan requires the feature of every device with the extension, and layers that add the extension do not report it.
         let mut marks = vk::PhysicalDeviceFrameBoundaryFeaturesEXT::default().frame_boundary(true);
         if enabled.has(ext::frame_boundary::NAME) {
             info = info.push_next(&mut marks);
-        }
-        if enabled.fragment_shader_pixel_interlock {
-            info = info.push_next(&mut interlock);
         }
         if options.shader_statistics {
             info = info.push_next(&mut statistics);
@@ -165,9 +159,12 @@ impl Gpu {
         let [granted, buffer] = largest_sizes(&instance, physical);
         let allocation_size = options.allocation_size.unwrap_or(u64::MAX);
         let max_allocation = allocation_size.min(granted);
-        let cache_file = (!options.no_pipeline_cache)
-            .then(|| PipelineCacheFile::locate(options.pipeline_cache.as_deref(), &candidate.properties))
-            .flatten();
+        let folder = match &options.pipeline_cache {
+            PipelineCache::Auto if owned => user_cache_folder(),
+            PipelineCache::Folder(folder) => Some(folder.clone()),
+            _ => None,
+        };
+        let cache_file = folder.map(|folder| PipelineCacheFile::new(&folder, &candidate.properties));
         let range = &mut candidate.properties.limits.max_storage_buffer_range;
         *range = options.storage_range.unwrap_or(u32::MAX).min(*range);
         let buffer_device_address = enabled.buffer_device_address;
@@ -191,7 +188,8 @@ impl Gpu {
             statistics,
             cache_file,
             cache: vk::PipelineCache::null(),
-            lost: OnceLock::new(),
+            own_cache: true,
+            lost: LossNote::default(),
             staging_bytes: options.staging_bytes.unwrap_or(STAGING_BYTES).max(1),
             loop_limit: options.loop_limit.map(|limit| limit.max(1).into()).unwrap_or_default(),
             filter_errors: OnceLock::new(),
@@ -206,11 +204,15 @@ impl Gpu {
             instance,
         };
         // From here on `inner` owns everything: an early return destroys it.
-        let data = inner.cache_file.as_ref().and_then(PipelineCacheFile::load).unwrap_or_default();
-        let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
-        // SAFETY: the data is empty, or this crate wrote it for this device and driver and its hash matches.
-        inner.cache = unsafe { inner.device.create_pipeline_cache(&info, None) }
-            .map_err(|result| Error::vulkan("vkCreatePipelineCache", result))?;
+        if let PipelineCache::Caller(cache) = options.pipeline_cache {
+            (inner.cache, inner.own_cache) = (cache, false);
+        } else {
+            let data = inner.cache_file.as_ref().and_then(PipelineCacheFile::load).unwrap_or_default();
+            let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
+            // SAFETY: the data is empty, or this crate wrote it for this device and driver and its hash matches.
+            inner.cache = unsafe { inner.device.create_pipeline_cache(&info, None) }
+                .map_err(|result| Error::vulkan("vkCreatePipelineCache", result))?;
+        }
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: inner.instance.raw.clone(),
             device: inner.device.clone(),
@@ -225,7 +227,9 @@ impl Gpu {
         .map_err(|source| Error::Allocation { object: "allocator".to_string(), source })?;
         inner.allocator = Mutex::new(Some(allocator));
         let gpu = Self { inner: Arc::new(inner) };
-        gpu.name(gpu.inner.cache, "pipeline cache");
+        if gpu.inner.own_cache {
+            gpu.name(gpu.inner.cache, "pipeline cache");
+        }
         Ok(gpu)
     }
 }

@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use ash::vk;
+
 use super::feature::OptionalFeature;
 #[cfg(feature = "testing")]
 use super::inject::Injection;
@@ -53,10 +55,8 @@ pub struct GpuOptions {
     /// Bytes of a volume that one submission uploads, rounded to whole planes; 32 MiB by default. Frames of other threads
     /// wait for at most two such submissions.
     pub staging_bytes: Option<u64>,
-    /// Folder of the pipeline cache. The default is `volraster` in the user's cache folder.
-    pub pipeline_cache: Option<PathBuf>,
-    /// Whether pipelines are not kept on disk.
-    pub no_pipeline_cache: bool,
+    /// Where compiled pipelines are kept.
+    pub pipeline_cache: PipelineCache,
     /// Whether the device presents images in windows ([`Screen`](crate::window::Screen)). An error where it cannot.
     #[cfg(feature = "window")]
     pub window: bool,
@@ -67,6 +67,23 @@ pub struct GpuOptions {
     /// Counts the device's Vulkan calls and makes some of them fail; for tests.
     #[cfg(feature = "testing")]
     pub inject: Option<Injection>,
+}
+
+/// Where the pipelines of a device are kept, so that later ones need less compilation.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum PipelineCache {
+    /// The crate's own file in [`user_cache_folder`](super::user_cache_folder), for a device that the crate opens; no file for one that
+    /// the caller made.
+    #[default]
+    Auto,
+    /// The crate's own file in this folder.
+    Folder(PathBuf),
+    /// The caller's cache, for [`Gpu::from_raw`](super::Gpu::from_raw) alone: every pipeline is created with it. The caller keeps its
+    /// contents, and destroys it after the last clone of the [`Gpu`](super::Gpu) and everything made from it is gone. It was not made
+    /// with `EXTERNALLY_SYNCHRONIZED`: threads create pipelines at the same time.
+    Caller(vk::PipelineCache),
+    /// Nothing is kept on disk.
+    Off,
 }
 
 impl GpuOptions {

@@ -2,7 +2,9 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::{Buffer, BufferUse, Commands, Gpu, GpuOptions, Recorder, Validation, ValidationLog};
+use super::{
+    Buffer, BufferUse, Commands, Gpu, GpuOptions, PipelineCache, Recorder, Validation, ValidationLog,
+};
 
 /// Serialises tests with devices: the layer keeps its devices in a table without a lock.
 static TURN: Mutex<()> = Mutex::new(());
@@ -23,8 +25,12 @@ impl TestGpu {
     /// Opens a device with another validation; measurements use none.
     pub(crate) fn with(validation: Validation) -> Self {
         let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
-        let options =
-            GpuOptions { validation, no_pipeline_cache: true, poison: true, ..GpuOptions::default() };
+        let options = GpuOptions {
+            validation,
+            pipeline_cache: PipelineCache::Off,
+            poison: true,
+            ..GpuOptions::default()
+        };
         let gpu = Gpu::new(&options).unwrap();
         let log = gpu.validation_log();
         Self { gpu: Some(gpu), log, _turn: turn }

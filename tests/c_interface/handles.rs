@@ -171,6 +171,13 @@ fn a_device_of_its_own() {
             INVALID,
             "device_create_info",
         );
+        let two = vr_device_info {
+            // Refused before it is used.
+            pipeline_cache: vk::Handle::from_raw(1),
+            pipeline_cache_folder: c"out".as_ptr(),
+            ..info
+        };
+        refused(adopt(two, &mut gpu), INVALID, "both are given");
         // Of the system's loader, which the engine has, too.
         refused(
             adopt(vr_device_info { get_instance_proc_addr: None, ..info }, &mut gpu),

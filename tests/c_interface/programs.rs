@@ -150,10 +150,10 @@ fn structures_lie_in_memory_as_c_has_them() {
         )+};
     }
     check! {
-        vr_gpu_info: struct_size, device, validation, no_pipeline_cache, pipeline_cache, memory_budget;
+        vr_gpu_info: struct_size, device, validation, no_pipeline_cache, pipeline_cache_folder, memory_budget;
         vr_device_info: struct_size, get_instance_proc_addr, instance, api_version, instance_extension_count,
-            instance_extensions, physical_device, device, device_create_info, queue, queue_family, no_pipeline_cache,
-            pipeline_cache, memory_budget, lock_queue, unlock_queue, released, user;
+            instance_extensions, physical_device, device, device_create_info, queue, queue_family, pipeline_cache,
+            pipeline_cache_folder, memory_budget, lock_queue, unlock_queue, released, user;
         vr_gpu_objects: struct_size, instance, physical_device, device, queue, queue_family;
         vr_grid_info: struct_size, dims, sample_type, samples, sample_bytes, spacing, origin, direction, slope, intercept;
         vr_mesh_info: struct_size, points, point_count, cells, cell_count, scalars, scalar_count, scalars_per, reserved;

@@ -98,7 +98,6 @@ pub fn with_device<R>(engine: &Engine, use_it: impl FnOnce(vr_device_info) -> R)
         device_create_info: (&raw const create).cast(),
         queue: engine.queue,
         queue_family: engine.family,
-        no_pipeline_cache: vk::TRUE,
     }))
 }
 

@@ -4,7 +4,7 @@
 use std::cell::RefCell;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 
-use volraster::gpu::{Gpu, GpuOptions, Validation, ValidationLog};
+use volraster::gpu::{Gpu, GpuOptions, PipelineCache, Validation, ValidationLog};
 
 /// A device under core and synchronization validation. Dropping it fails the test when any message came or anything is left
 /// on it. A device of the test's own is destroyed, and the messages of that count. One that is shared is destroyed when no
@@ -93,7 +93,12 @@ pub fn emulates(property: &str) -> bool {
 }
 
 fn open(options: GpuOptions) -> Gpu {
-    let options = GpuOptions { validation: Validation::On, no_pipeline_cache: true, poison: true, ..options };
+    let options = GpuOptions {
+        validation: Validation::On,
+        pipeline_cache: PipelineCache::Off,
+        poison: true,
+        ..options
+    };
     let options = options.emulating(&std::env::var("VOLRASTER_EMULATE").unwrap_or_default()).unwrap();
     match Gpu::new(&options) {
         Ok(gpu) => gpu,

@@ -6,7 +6,7 @@ use crate::common::*;
 use glam::DVec3;
 use volraster::GpuScene;
 use volraster::choice::{self, Goal, Profile};
-use volraster::gpu::{Gpu, GpuOptions, OptionalFeature};
+use volraster::gpu::{Gpu, GpuOptions, OptionalFeature, PipelineCache};
 use volraster::measure::ImageErrors;
 use volraster::scene::{Camera, Data, Field, View};
 use volraster::technique::{OptionInfo, Renderer, Technique};
@@ -93,7 +93,7 @@ fn resident() -> u64 {
 #[ignore = "prints figures"]
 fn measure_turning() {
     let count: u32 = std::env::var("VOLRASTER_FRAMES").map_or(2000, |text| text.parse().unwrap());
-    let gpu = Gpu::new(&GpuOptions { no_pipeline_cache: true, ..GpuOptions::default() }).unwrap();
+    let gpu = Gpu::new(&GpuOptions { pipeline_cache: PipelineCache::Off, ..GpuOptions::default() }).unwrap();
     for (scene, specs) in every_kind(&gpu) {
         for spec in specs {
             let view_at = |i: u32| {

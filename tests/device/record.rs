@@ -7,7 +7,7 @@ use crate::common::caller::Caller;
 use crate::common::*;
 use glam::DVec3;
 use volraster::ash::vk;
-use volraster::gpu::{DepthImage, DepthProjection, Gpu, GpuOptions};
+use volraster::gpu::{DepthImage, DepthProjection, Gpu, GpuOptions, PipelineCache};
 use volraster::scene::{Clip, Field, Scene, TransferFunction, View};
 use volraster::technique::{Renderer, Technique};
 use volraster::{GpuScene, TargetDesc, TargetMode};
@@ -325,7 +325,7 @@ fn own_device_the_pipeline_cache_survives_damage() {
     let run = |expected: &str| {
         undisturbed(|| {
             let gpu = Gpu::new(&GpuOptions {
-                pipeline_cache: Some(folder.clone()),
+                pipeline_cache: PipelineCache::Folder(folder.clone()),
                 validation: volraster::gpu::Validation::On,
                 ..GpuOptions::default()
             })

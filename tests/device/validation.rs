@@ -7,7 +7,7 @@
 use crate::common::TestGpu;
 use volraster::GpuScene;
 use volraster::ash::vk;
-use volraster::gpu::{Gpu, GpuOptions, Handles, Validation};
+use volraster::gpu::{Gpu, GpuOptions, Handles, PipelineCache, Validation};
 use volraster::scene::{Field, KernelSize, Points, Scene, TetScalars, Tets, TransferFunction};
 use volraster::technique::{Method, Renderer};
 
@@ -157,8 +157,11 @@ fn the_guard_fails_on_leaks_of_shared_devices() {
 /// GPU-assisted validation can be switched on as well.
 #[test]
 fn gpu_assisted_validation_starts() {
-    let options =
-        GpuOptions { validation: Validation::GpuAssisted, no_pipeline_cache: true, ..GpuOptions::default() };
+    let options = GpuOptions {
+        validation: Validation::GpuAssisted,
+        pipeline_cache: PipelineCache::Off,
+        ..GpuOptions::default()
+    };
     crate::common::undisturbed(|| {
         let gpu = Gpu::new(&options).unwrap();
         let limit = gpu.loop_limit().unwrap();

@@ -10,6 +10,7 @@ use volraster::ash::{self, vk};
 type Watch = Box<dyn Fn(&'static str) + Send>;
 
 // Of the one device that a test has, one test at a time. Threads of the crate call too.
+static CACHES: Mutex<Vec<vk::PipelineCache>> = Mutex::new(Vec::new());
 static CALLS: Mutex<Vec<&'static str>> = Mutex::new(Vec::new());
 static WATCH: Mutex<Option<Watch>> = Mutex::new(None);
 
@@ -35,13 +36,24 @@ pub fn watched<R>(watch: impl Fn(&'static str) + Send + 'static, work: impl FnOn
     result
 }
 
+/// The caches that pipelines were created with while `work` ran, one for each call.
+pub fn caches<R>(work: impl FnOnce() -> R) -> (R, Vec<vk::PipelineCache>) {
+    CACHES.lock().unwrap().clear();
+    let result = work();
+    (result, std::mem::take(&mut CACHES.lock().unwrap()))
+}
+
+fn note_cache(cache: vk::PipelineCache) {
+    CACHES.lock().unwrap().push(cache);
+}
+
 /// Points at something for the driver to read or to write.
 type In = *const c_void;
 type Out = *mut c_void;
 type Vr = vk::Result;
 
 macro_rules! noted {
-    ($($name:ident($($arg:ident: $kind:ty),*) $(-> $result:ty)?;)*) => {
+    ($($name:ident($($arg:ident: $kind:ty),*) $(-> $result:ty)? $([$more:expr])?;)*) => {
         /// What stands in for a function: a note and the function itself, or that alone.
         fn stand_in(name: &CStr, real: *const c_void) -> *const c_void {
             match name.to_str().unwrap() {
@@ -49,6 +61,7 @@ macro_rules! noted {
                     static REAL: AtomicPtr<c_void> = AtomicPtr::new(std::ptr::null_mut());
                     unsafe extern "system" fn call($($arg: $kind),*) $(-> $result)? {
                         note(stringify!($name));
+                        $($more;)?
                         let real = REAL.load(Ordering::Relaxed);
                         // SAFETY: the address was given for a function of this name and type.
                         let real: unsafe extern "system" fn($($kind),*) $(-> $result)? =
@@ -97,8 +110,8 @@ noted! {
     vkCreateCommandPool(d: vk::Device, a: In, b: In, c: Out) -> Vr;
     vkCreateRenderPass(d: vk::Device, a: In, b: In, c: Out) -> Vr;
     vkCreateFramebuffer(d: vk::Device, a: In, b: In, c: Out) -> Vr;
-    vkCreateComputePipelines(d: vk::Device, a: vk::PipelineCache, b: u32, c: In, e: In, f: Out) -> Vr;
-    vkCreateGraphicsPipelines(d: vk::Device, a: vk::PipelineCache, b: u32, c: In, e: In, f: Out) -> Vr;
+    vkCreateComputePipelines(d: vk::Device, a: vk::PipelineCache, b: u32, c: In, e: In, f: Out) -> Vr [note_cache(a)];
+    vkCreateGraphicsPipelines(d: vk::Device, a: vk::PipelineCache, b: u32, c: In, e: In, f: Out) -> Vr [note_cache(a)];
     vkGetPipelineCacheData(d: vk::Device, a: vk::PipelineCache, b: Out, c: Out) -> Vr;
     vkDestroyBuffer(d: vk::Device, a: vk::Buffer, b: In);
     vkDestroyImage(d: vk::Device, a: vk::Image, b: In);

@@ -1,10 +1,10 @@
 //! An engine: its own instance and device under validation, with the features that a test asks for.
 
-use std::ffi::{CStr, CString, c_void};
+use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use volraster::ash::{self, ext, vk};
-use volraster::gpu::{Enabled, Gpu, GpuOptions, GpuParts, devices};
+use volraster::gpu::{Enabled, Gpu, GpuOptions, GpuParts, PipelineCache, devices};
 
 /// The layer keeps its devices in a table without a lock: tests with devices take turns.
 pub fn turn() -> MutexGuard<'static, ()> {
@@ -106,26 +106,17 @@ impl Engine {
         let names: Vec<_> = enabled.extensions.iter().map(|name| name.as_ptr()).collect();
         let queues =
             [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
-        let features = vk::PhysicalDeviceFeatures::default()
-            .fragment_stores_and_atomics(enabled.fragment_stores_and_atomics);
-        let mut features12 = vk::PhysicalDeviceVulkan12Features::default()
-            .timeline_semaphore(true)
-            .buffer_device_address(enabled.buffer_device_address);
-        let mut features13 = vk::PhysicalDeviceVulkan13Features::default()
-            .synchronization2(enabled.synchronization2)
-            .dynamic_rendering(enabled.dynamic_rendering);
-        let mut interlock = vk::PhysicalDeviceFragmentShaderInterlockFeaturesEXT::default()
-            .fragment_shader_pixel_interlock(true);
+        let features = enabled.features();
+        let mut structures = enabled.structures();
+        let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
         let mut create = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&names)
             .enabled_features(&features);
         if new {
-            create = create.push_next(&mut features12).push_next(&mut features13);
+            create = create.push_next(&mut timeline);
         }
-        if enabled.fragment_shader_pixel_interlock {
-            create = create.push_next(&mut interlock);
-        }
+        let create = structures.chain(create);
         // SAFETY: every pointer refers to a local.
         assert_eq!(unsafe { Enabled::from_create_info(&create) }, enabled);
         // SAFETY: the same; all that is enabled is offered.
@@ -152,7 +143,7 @@ impl Engine {
             entry: self.entry.clone(),
             instance: self.instance.clone(),
             api_version: vk::API_VERSION_1_3,
-            instance_extensions: vec![CString::from(ext::debug_utils::NAME)],
+            instance_extensions: vec![ext::debug_utils::NAME],
             physical_device: self.physical,
             device: self.device.clone(),
             enabled: self.enabled.clone(),
@@ -179,7 +170,7 @@ impl Engine {
 
 /// Without a pipeline cache on disk.
 pub fn adopt(parts: GpuParts) -> volraster::Result<Gpu> {
-    let options = GpuOptions { no_pipeline_cache: true, ..GpuOptions::default() };
+    let options = GpuOptions { pipeline_cache: PipelineCache::Off, ..GpuOptions::default() };
     // SAFETY: the parts are an engine's, which outlives what is made from it.
     unsafe { Gpu::from_raw(parts, &options) }
 }

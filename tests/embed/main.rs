@@ -13,6 +13,7 @@ mod calls;
 #[path = "../common/mod.rs"]
 mod common;
 mod engine;
+mod lifetimes;
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
@@ -21,7 +22,7 @@ use common::caller::{Caller, Depth, Signal};
 use common::*;
 use engine::{Engine, adopt, turn};
 use volraster::ash::vk;
-use volraster::gpu::{DepthProjection, Enabled, Gpu, GpuOptions, OptionalFeature, Validation};
+use volraster::gpu::{DepthProjection, Enabled, Gpu, GpuOptions, OptionalFeature, PipelineCache, Validation};
 use volraster::scene::Field;
 use volraster::technique::Renderer;
 use volraster::{GpuScene, Plan, TargetDesc, TargetMode};
@@ -178,7 +179,7 @@ fn budget_and_pipeline_cache_work_on_the_caller_s_device() {
     let _ = std::fs::remove_dir_all(&folder);
     let options = GpuOptions {
         memory_budget: Some(1000),
-        pipeline_cache: Some(folder.clone()),
+        pipeline_cache: PipelineCache::Folder(folder.clone()),
         storage_range: Some(4096),
         ..GpuOptions::default()
     };
@@ -191,6 +192,49 @@ fn budget_and_pipeline_cache_work_on_the_caller_s_device() {
     assert!(matches!(error, volraster::Error::Memory { budget: 1000, .. }), "{error:?}");
     drop((scene, gpu));
     assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
+    engine.end_silently();
+}
+
+/// Every pipeline is created with the caller's cache, and nothing but the caller destroys it. Without one nothing is kept on disk.
+#[test]
+fn every_pipeline_is_created_with_the_caller_s_cache() {
+    let _turn = turn();
+    let engine = Engine::full();
+    // SAFETY: no data.
+    let cache = unsafe { engine.device.create_pipeline_cache(&vk::PipelineCacheCreateInfo::default(), None) }
+        .unwrap();
+    let view = view(perspective(), 1.0, 40, 30);
+    let adopted = |pipeline_cache: PipelineCache| {
+        let mut parts = engine.parts();
+        parts.device = calls::noting(&engine.instance, engine.device.handle());
+        // SAFETY: engine and cache outlive it.
+        unsafe { Gpu::from_raw(parts, &GpuOptions { pipeline_cache, ..GpuOptions::default() }) }.unwrap()
+    };
+    let (pipelines, caches) = calls::caches(|| {
+        let gpu = adopted(PipelineCache::Caller(cache));
+        let mut pipelines = 0;
+        for (scene, specs) in every_kind(&gpu) {
+            for spec in specs {
+                let (_, calls) = calls::during(|| draw_on(&scene, &view, &spec));
+                pipelines += calls.iter().filter(|call| call.ends_with("Pipelines")).count();
+                assert!(!calls.contains(&"vkCreatePipelineCache"), "{spec}");
+            }
+        }
+        pipelines
+    });
+    assert!(pipelines > 20 && caches.len() >= pipelines, "{pipelines} of {}", caches.len());
+    assert!(caches.iter().all(|&given| given == cache), "{caches:?}");
+    let gpu = adopted(PipelineCache::Auto);
+    let ((), calls) = calls::during(|| {
+        gpu.save_pipeline_cache();
+        drop(gpu);
+    });
+    assert!(!calls.contains(&"vkGetPipelineCacheData"), "{calls:?}");
+    let error =
+        Gpu::new(&GpuOptions { pipeline_cache: PipelineCache::Caller(cache), ..GpuOptions::default() });
+    assert!(error.unwrap_err().to_string().contains("pipeline_cache"));
+    // SAFETY: the last pipeline was created.
+    unsafe { engine.device.destroy_pipeline_cache(cache, None) };
     engine.end_silently();
 }
 

@@ -8,7 +8,7 @@ use std::process::Command;
 use crate::folder::{Folder, Run, SCHEMA, is_accepted};
 use serde_json::Value;
 use volraster::GpuScene;
-use volraster::gpu::{Gpu, GpuOptions};
+use volraster::gpu::{Gpu, GpuOptions, PipelineCache};
 use volraster::io::scene_file::SceneFile;
 use volraster::io::{Data, ReadOptions, known_formats, write_vtu};
 use volraster::scene::{KernelSize, Points, TetScalars, Tets, View};
@@ -327,7 +327,7 @@ fn without_a_device_the_exit_code_is_3_and_nothing_is_left() {
 fn drawn_by_the_library(scene: &Path, technique: &str) -> volraster::Image {
     let loaded = SceneFile::load(scene, &ReadOptions::default()).unwrap();
     let view = View::new(loaded.camera, loaded.width, loaded.height).unwrap();
-    let gpu = Gpu::new(&GpuOptions { no_pipeline_cache: true, ..GpuOptions::default() }).unwrap();
+    let gpu = Gpu::new(&GpuOptions { pipeline_cache: PipelineCache::Off, ..GpuOptions::default() }).unwrap();
     let scene = GpuScene::new(&gpu, loaded.scene);
     Renderer::new(&scene, Technique::parse(technique).unwrap()).render(&view).unwrap()
 }

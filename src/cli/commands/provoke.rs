@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use volraster::gpu::{Fault, GpuOptions, Validation};
+use volraster::gpu::{Fault, GpuOptions, PipelineCache, Validation};
 use volraster::{Error, Gpu, Result};
 
 use crate::cli::input::DeviceArgs;
@@ -181,7 +181,7 @@ impl Args {
     fn open(&self, validation: Validation, options: GpuOptions) -> Result<Gpu> {
         let mut given = self.device.options();
         given.without.extend(options.without);
-        Gpu::new(&GpuOptions { validation, no_pipeline_cache: true, ..given })
+        Gpu::new(&GpuOptions { validation, pipeline_cache: PipelineCache::Off, ..given })
     }
 
     /// Commits a fault in this process, and ends it without undoing anything.

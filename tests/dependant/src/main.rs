@@ -1,6 +1,7 @@
 //! A program of its own with a device of its own, which draws a tiny volume.
 
 use std::error::Error;
+use std::sync::Arc;
 
 use volraster::ash::{self, vk};
 use volraster::glam::DVec3;
@@ -39,19 +40,27 @@ fn main() -> Result<(), Box<dyn Error>> {
         queue_family: 0,
         queue,
         queue_lock: None,
-        keep: None,
+        keep: Some(Arc::new(Owner { device, instance })),
     };
-    let options = GpuOptions { no_pipeline_cache: true, ..GpuOptions::default() };
-    // SAFETY: the parts belong together, and outlive what is drawn; nobody else uses the queue.
-    let gpu = unsafe { Gpu::from_raw(parts, &options) }?;
+    // SAFETY: the parts belong together, and their owner goes last; nobody else uses the queue.
+    let gpu = unsafe { Gpu::from_raw(parts, &GpuOptions::default()) }?;
     assert!(!gpu.has(OptionalFeature::FragmentStores));
-    draw(&gpu)?;
-    drop(gpu);
-    // SAFETY: nothing is pending, and all that was made from it is gone.
-    unsafe { device.destroy_device(None) };
-    // SAFETY: the device is gone.
-    unsafe { instance.destroy_instance(None) };
-    Ok(())
+    draw(&gpu)
+}
+
+/// Owner of device and instance, which go with the last object that the library has made from them.
+struct Owner {
+    device: ash::Device,
+    instance: ash::Instance,
+}
+
+impl Drop for Owner {
+    fn drop(&mut self) {
+        // SAFETY: nothing is pending, and all that was made from it is gone.
+        unsafe { self.device.destroy_device(None) };
+        // SAFETY: the device is gone.
+        unsafe { self.instance.destroy_instance(None) };
+    }
 }
 
 fn draw(gpu: &Gpu) -> Result<(), Box<dyn Error>> {

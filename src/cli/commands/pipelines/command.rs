@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
-use volraster::gpu::{GpuOptions, PipelineReport};
+use volraster::gpu::{GpuOptions, PipelineCache, PipelineReport};
 use volraster::{Error, Gpu, Result};
 
 use super::variants::prepare;
@@ -45,7 +45,7 @@ impl Args {
         if let Some(folder) = &self.spirv {
             output::check_folder(folder)?;
         }
-        let options = GpuOptions { no_pipeline_cache: true, ..self.device.options() };
+        let options = GpuOptions { pipeline_cache: PipelineCache::Off, ..self.device.options() };
         let Some(name) = &self.compile_on else {
             let gpu = with_statistics(&options)?;
             prepare(&gpu, !self.defaults)?;
@@ -53,8 +53,11 @@ impl Args {
         };
         let drawing = Gpu::new(&options)?;
         let device = Some(name.clone());
-        let compiling =
-            with_statistics(&GpuOptions { device, no_pipeline_cache: true, ..GpuOptions::default() })?;
+        let compiling = with_statistics(&GpuOptions {
+            device,
+            pipeline_cache: PipelineCache::Off,
+            ..GpuOptions::default()
+        })?;
         prepare(&drawing, !self.defaults)?;
         compiling.compile_pipelines_of(&drawing)?;
         let reports = compiling.pipeline_reports();

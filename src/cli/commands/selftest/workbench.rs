@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
-use volraster::gpu::{Gpu, GpuOptions, OptionalFeature, Validation, ValidationLog};
+use volraster::gpu::{Gpu, GpuOptions, OptionalFeature, PipelineCache, Validation, ValidationLog};
 use volraster::measure::ImageErrors;
 use volraster::reference::{ReferenceImage, ReferenceOptions};
 use volraster::scene::View;
@@ -80,7 +80,7 @@ impl Workbench {
             command_buffer_by_pass: options.command_buffer_by_pass,
             validation,
             validation_log: Some(Arc::clone(&self.log)),
-            no_pipeline_cache: true,
+            pipeline_cache: PipelineCache::Off,
             poison: true,
             ..given
         })

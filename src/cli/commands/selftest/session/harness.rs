@@ -5,7 +5,7 @@ use std::fmt::Display;
 use std::sync::Arc;
 
 use volraster::ash::vk;
-use volraster::gpu::{Gpu, GpuOptions, Injection, ValidationLog};
+use volraster::gpu::{Gpu, GpuOptions, Injection, PipelineCache, ValidationLog};
 use volraster::{Error, Result};
 
 use super::sessions::{Pictures, Session};
@@ -92,7 +92,7 @@ impl<'a> Harness<'a> {
         Gpu::new(&GpuOptions {
             validation_log: Some(Arc::clone(&self.log)),
             inject: Some(self.injection.clone()),
-            no_pipeline_cache: true,
+            pipeline_cache: PipelineCache::Off,
             poison: true,
             ..self.place.clone()
         })
