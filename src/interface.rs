@@ -70,12 +70,12 @@ pub(crate) struct CumulativeBin {
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct GridPush {
     pub(crate) q0_kq: [f32; 4],
-    pub(crate) px_kd: [f32; 4],
+    pub(crate) px_slope: [f32; 4],
     pub(crate) py_z0: [f32; 4],
     pub(crate) d0_h: [f32; 4],
-    pub(crate) half_scale: [f32; 4],
-    pub(crate) half_extent: [f32; 2],
-    pub(crate) near: f32,
+    pub(crate) half_slope: [f32; 4],
+    pub(crate) slopes: [f32; 2],
+    pub(crate) sides: u32,
     pub(crate) value_scale: f32,
     pub(crate) value_offset: f32,
     pub(crate) knots: u32,
@@ -162,7 +162,8 @@ pub(crate) struct MeshPush {
     pub(crate) smoke: f32,
     pub(crate) alike: f32,
     pub(crate) last_round: u32,
-    pub(crate) pad0: u32,
+    pub(crate) aspect: f32,
+    pub(crate) skew: [f32; 2],
 }
 
 /// The push constants of `bins.glsl`.
@@ -181,11 +182,12 @@ pub(crate) struct BinsPush {
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct SplatPush {
     pub(crate) q0_kq: [f32; 4],
-    pub(crate) px_kd: [f32; 4],
-    pub(crate) py_scale: [f32; 4],
-    pub(crate) d0_near: [f32; 4],
+    pub(crate) px_slope: [f32; 4],
+    pub(crate) py_slope: [f32; 4],
+    pub(crate) d0_slope: [f32; 4],
     pub(crate) forward_reach: [f32; 4],
-    pub(crate) half_extent: [f32; 2],
+    pub(crate) slope_y: f32,
+    pub(crate) sides: u32,
     pub(crate) unit: f32,
     pub(crate) h: f32,
     pub(crate) cut: f32,
@@ -217,6 +219,8 @@ pub(crate) struct SplatViewPush {
     pub(crate) eye: f32,
     pub(crate) middle: f32,
     pub(crate) count: u32,
+    pub(crate) aspect: f32,
+    pub(crate) skew: [f32; 2],
 }
 
 /// The push constants of `gaussians-project.glsl`.
@@ -229,7 +233,7 @@ pub(crate) struct TrainedPush {
     pub(crate) eye: [f32; 4],
     pub(crate) middle: [f32; 4],
     pub(crate) half_extent: [f32; 2],
-    pub(crate) slopes: [f32; 2],
+    pub(crate) skew: [f32; 2],
     pub(crate) scale_low: f32,
     pub(crate) scale_step: f32,
     pub(crate) reach: f32,

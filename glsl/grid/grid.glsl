@@ -5,22 +5,23 @@
 // The ray of a pixel is p(z) = q + z d with
 //   q = q0 + kq (x px + y py),  d = d0 + kd (x px + y py),
 // x and y in pixels from the image's centre, y down. Perspective: kq = depth of the centre plane from
-// the eye, kd = 1. Orthographic: kq = 1, kd = 0.
+// the eye, kd = 1. Orthographic: kq = 1, kd = 0. The tangents of the angle between a ray and the view are linear in x and in y.
 #ifndef GRID_GLSL
 #define GRID_GLSL
 
 #include "interface.glsl"
+#include "shared/sides.glsl"
 #include "grid/ray.glsl"
 #include "grid/lattice.glsl"
 
 layout(push_constant, std430) uniform GridPush {
     vec4 q0_kq;       // w: kq
-    vec4 px_kd;       // w: kd
+    vec4 px_slope;    // w: change of the tangent with x; 0 for orthographic
     vec4 py_z0;       // w: where slab 0 begins, in the technique's own measure
     vec4 d0_h;        // w: thickness of a slab, in the same measure
-    vec4 half_scale;  // half the domain, indices; w: side of a pixel at unit depth, world
-    vec2 half_extent; // half the image, pixels
-    float near;       // smallest depth to draw: that of the eye for perspective
+    vec4 half_slope;  // half the domain, indices; w: change of the tangent with y
+    vec2 slopes;      // tangents of the central ray
+    uint sides;       // of the image (sides.glsl)
     float value_scale; // scalar = value_scale * texel + value_offset
     float value_offset;
     uint knots;       // number of knots
@@ -32,28 +33,42 @@ layout(push_constant, std430) uniform GridPush {
     uint seed;        // of dithering; PILOT: bits of the squared change of colour that ends a ray
 } push;
 
+float kd_of_view() {
+    return push.px_slope.w > 0.0 ? 1.0 : 0.0;
+}
+
+// Returns half the image, in pixels.
+vec2 half_image() {
+    return half_of(push.sides);
+}
+
+// Returns the smallest depth to draw: that of the eye for perspective.
+float nearest_depth() {
+    return push.px_slope.w > 0.0 ? -push.q0_kq.w : -1e30;
+}
+
 // Returns the number of a pixel's tile in the image.
 uint tile_of(ivec2 pixel) {
-    uint across = (uint(2.0 * push.half_extent.x + 0.5) + TILE - 1u) / TILE;
+    uint across = ((push.sides & 0xffffu) + TILE - 1u) / TILE;
     return uint(pixel.y) / TILE * across + uint(pixel.x) / TILE;
 }
 
 // Returns the ray through a point of the image, in pixels.
 Ray ray_of(vec2 pixel) {
-    vec2 xy = pixel - push.half_extent;
-    vec3 lateral = fma(vec3(xy.x), push.px_kd.xyz, xy.y * push.py_z0.xyz);
-    vec2 slope = xy * (push.half_scale.w * push.px_kd.w);
+    vec2 xy = pixel - half_image();
+    vec3 lateral = fma(vec3(xy.x), push.px_slope.xyz, xy.y * push.py_z0.xyz);
+    vec2 slope = fma(xy, vec2(push.px_slope.w, push.half_slope.w), push.slopes);
     vec3 q = fma(vec3(push.q0_kq.w), lateral, push.q0_kq.xyz);
-    vec3 d = fma(vec3(push.px_kd.w), lateral, push.d0_h.xyz);
+    vec3 d = fma(vec3(kd_of_view()), lateral, push.d0_h.xyz);
     return Ray(q, d, finite_inverse(d), push.unit * sqrt(1.0 + dot(slope, slope)));
 }
 
 // Returns the parameters of reconstruction. A stack of 2D textures has mip levels along its slices only.
 Lattice lattice_of_view(bool stack) {
-    vec3 px = push.px_kd.xyz, py = push.py_z0.xyz;
+    vec3 px = push.px_slope.xyz, py = push.py_z0.xyz;
     if (stack) px.z = py.z = 0.0;
     float footprint = max(dot(px, px), dot(py, py));
-    return Lattice(push.half_scale.xyz, push.value_scale, push.value_offset, push.q0_kq.w, push.px_kd.w,
+    return Lattice(push.half_slope.xyz, push.value_scale, push.value_offset, push.q0_kq.w, kd_of_view(),
                    PREFILTER ? 0.5 * log2(footprint) : 0.0);
 }
 

@@ -8,8 +8,8 @@
 // Returns the depths at which the ray enters and leaves the domain in front of the eye, within the bounds of the pixel's ray; the
 // first is greater where nothing is left.
 vec2 interval_of(Ray ray, vec2 pixel) {
-    vec2 interval = domain_of(ray, push.half_scale.xyz, push.near);
-    vec2 bounds = bounds_of(uvec2(pixel), uint(2.0 * push.half_extent.x + 0.5));
+    vec2 interval = domain_of(ray, push.half_slope.xyz, nearest_depth());
+    vec2 bounds = bounds_of(uvec2(pixel), (push.sides & 0xffffu));
     return BOUNDED ? vec2(max(interval.x, bounds.x), min(interval.y, bounds.y)) : interval;
 }
 

@@ -40,7 +40,7 @@ bool own_pixel(out ivec2 pixel) {
         return tile.x <= tile.y;
     }
     if (BY_TILE_LIST) pixel = pixel * TILE + ivec2(gl_LocalInvocationID.xy);
-    return all(lessThan(pixel, ivec2(2.0 * push.half_extent + 0.5)));
+    return all(lessThan(pixel, ivec2(2.0 * half_image())));
 }
 
 // Begins the march, or continues with what the dispatch before has stored: returns colour and opacity so far, and the transmittance.
@@ -55,12 +55,12 @@ void end_march(ivec2 pixel, vec4 sum, float transmittance) {
 }
 
 BrickGrid load_bricks() {
-    return bricks_of(push.half_scale.xyz, push.order & MARCH_AXIS);
+    return bricks_of(push.half_slope.xyz, push.order & MARCH_AXIS);
 }
 
 // Returns the translucent surfaces from depth `begin` on, where this dispatch begins: the one before has composited those in front.
 LayersAhead begin_layers(ivec2 pixel, float begin) {
-    return layers_from(uvec2(pixel), uint(2.0 * push.half_extent.x + 0.5), push.first > 0u ? begin : -3e38);
+    return layers_from(uvec2(pixel), (push.sides & 0xffffu), push.first > 0u ? begin : -3e38);
 }
 
 // Returns the depth at which another dispatch resumes; 3e38 where none does.

@@ -15,7 +15,7 @@ vec3 along(vec3 v, int axis) {
 vec4 slab_corner(uint instance, uint vertex, out uint slab) {
     uint place = (push.order & RASTER_BACK_TO_FRONT) != 0u ? push.count - 1u - instance : instance;
     slab = push.first + place;
-    float h = push.d0_h.w, kq = push.q0_kq.w, kd = push.px_kd.w;
+    float h = push.d0_h.w, kq = push.q0_kq.w, kd = kd_of_view();
     float z = 0.5 * (slab_begin(slab) + slab_begin(slab + 1u));
     float w = kq + kd * z; // depth from the eye for perspective, 1 for orthographic
 
@@ -31,8 +31,8 @@ vec4 slab_corner(uint instance, uint vertex, out uint slab) {
     // Move each face of the domain outwards, so that the polygon on the slab's middle plane covers the outline of the whole slab.
     // Projecting a point at a distance delta from that plane, |delta| <= h / 2, onto it scales about the eye by w / (w + delta) in
     // perspective; parallel rays shift by delta d0.
-    vec3 px = push.px_kd.xyz, py = push.py_z0.xyz, d0 = push.d0_h.xyz;
-    vec3 low = -push.half_scale.xyz, high = push.half_scale.xyz;
+    vec3 px = push.px_slope.xyz, py = push.py_z0.xyz, d0 = push.d0_h.xyz;
+    vec3 low = -push.half_slope.xyz, high = push.half_slope.xyz;
     if (CLIP_ENDS) {
         // Add 1/32 pixel: rasterisers round vertices to 1/256, and fragments outside of the slab draw nothing.
         vec3 margin = sqrt(px * px + py * py) * (w / 32.0);

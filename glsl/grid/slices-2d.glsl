@@ -52,9 +52,9 @@ void main() {
     uint slab = push.first + (place < upwards ? begin + place : push.count - 1u - place);
     slab_out = slab;
 
-    float h = push.d0_h.w, kq = push.q0_kq.w, kd = push.px_kd.w;
-    vec3 px = push.px_kd.xyz, py = push.py_z0.xyz, d0 = push.d0_h.xyz;
-    vec3 low = -push.half_scale.xyz, high = push.half_scale.xyz;
+    float h = push.d0_h.w, kq = push.q0_kq.w, kd = kd_of_view();
+    vec3 px = push.px_slope.xyz, py = push.py_z0.xyz, d0 = push.d0_h.xyz;
+    vec3 low = -push.half_slope.xyz, high = push.half_slope.xyz;
     low.z = max(low.z, fma(float(slab), h, push.py_z0.w));
     high.z = min(high.z, fma(float(slab + 1u), h, push.py_z0.w));
 

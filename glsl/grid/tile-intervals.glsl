@@ -34,10 +34,10 @@ layout(local_size_x = TILE, local_size_y = TILE) in;
 // Returns the depths between which a tile shows anything, the first greater where it shows nothing.
 vec2 shown_by(uvec2 tile) {
     Ray ray = ray_of((vec2(tile) + 0.5) * float(TILE));
-    BrickGrid grid = bricks_of(push.half_scale.xyz, push.order & MARCH_AXIS);
+    BrickGrid grid = bricks_of(push.half_slope.xyz, push.order & MARCH_AXIS);
 
     const float SIDE = float(BRICK), NUDGE = 0.01; // cells
-    vec2 interval = domain_of(ray, grid.half_size + SIDE, push.near);
+    vec2 interval = domain_of(ray, grid.half_size + SIDE, nearest_depth());
     if ((push.order & MARCH_WIDE) != 0u) return vec2(-3e38, 3e38);
     float speed = max(max(abs(ray.d.x), abs(ray.d.y)), abs(ray.d.z));
     float nudge = NUDGE / max(speed, 1e-30), at = interval.x;
@@ -60,7 +60,7 @@ shared uint group_count, group_begin;
 
 void main() {
     // A workgroup has a square of tiles, which follow each other in the list: tiles side by side share cache lines of the volume.
-    uvec2 tiles = (uvec2(2.0 * push.half_extent + 0.5) + TILE - 1u) / TILE;
+    uvec2 tiles = (uvec2(2.0 * half_image()) + TILE - 1u) / TILE;
     uvec2 tile = INVOCATION.xy;
     bool is_listed = false;
     if (all(lessThan(tile, tiles))) {

@@ -194,11 +194,11 @@ uvec2 pair_by_corners(uint id, FaceLine line, bool back_to_front) {
     vec2 met = meet_at(vec2(line.pixel), p.bc, p.ac, p.ab, left, p.a, p.b, p.c);
     uint first = primitives[id * FACE_WORDS];
     bool ahead = (first & FACE_AHEAD) != 0u, behind = (first & FACE_BEHIND) != 0u;
-    // The view's axes are left-handed: a face that turns counterclockwise has its normal along the line's way back.
-    bool next = left ? behind : ahead, last = left ? ahead : behind;
+    // The view's axes are left-handed, unless it mirrors: a face that turns counterclockwise has its normal along the line's way back.
+    bool back = left != (push.aspect < 0.0), next = back ? behind : ahead, last = back ? ahead : behind;
     if (CELL_SCALARS) {
         // Back to front the line comes from behind.
-        bool exists = back_to_front ? last : next, on_normal = back_to_front == left;
+        bool exists = back_to_front ? last : next, on_normal = back_to_front == back;
         uint entered = primitives[id * FACE_WORDS + (on_normal ? 3u : 4u)];
         met.y = exists ? mesh_scalars[entered] : 0.0;
     }

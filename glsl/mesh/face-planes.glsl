@@ -27,8 +27,8 @@ struct FacePlane {
 // edge-on, and of those that cross the eye's plane, a plane tells too little: lines have to meet their corners.
 const uint SIDE_UNKNOWN = 0u, SIDE_BEFORE = 1u, SIDE_BEHIND = 2u, SIDE_BOTH = 3u;
 
-// Returns the plane of a face with a cell on the side of its normal, or on the other one, or both.
-FacePlane plane_of(vec4 a, vec4 b, vec4 c, bool on_normal, bool beyond) {
+// Returns the plane of a face; `cells` (cells_at_face) are on the side of its normal, and on the other one.
+FacePlane plane_of(vec4 a, vec4 b, vec4 c, bvec2 cells) {
     vec3 w = push.w0 + push.w1 * vec3(a.z, b.z, c.z);
     bool one_side = min(min(w.x, w.y), w.z) > 0.0 || max(max(w.x, w.y), w.z) < 0.0; // of the eye
     vec4 p = vec4((a.xyz + b.xyz + c.xyz) * (1.0 / 3.0), a.w + ((b.w - a.w) + (c.w - a.w)) * (1.0 / 3.0));
@@ -53,7 +53,7 @@ FacePlane plane_of(vec4 a, vec4 b, vec4 c, bool on_normal, bool beyond) {
     vec2 rise = vec2(change.x * f.y - change.y * e.y, change.y * e.x - change.x * f.x) / (area == 0.0 ? 1e30 : area);
     // Where the plane is good, no line can meet the face from its other side by rounding.
     bool good = one_side && abs(along) > 64.0 * rounding && max(max(size.x, size.y), size.z) > 0.01;
-    uint side = !good ? SIDE_UNKNOWN : on_normal && beyond ? SIDE_BOTH : on_normal == (along > 0.0) ? SIDE_BEFORE : SIDE_BEHIND;
+    uint side = !good ? SIDE_UNKNOWN : all(cells) ? SIDE_BOTH : cells.x == (along > 0.0) ? SIDE_BEFORE : SIDE_BEHIND;
     return FacePlane(at, p.z, p.w, normal.xy * (-depth / (good ? along : 1.0)), rise, side, axis);
 }
 

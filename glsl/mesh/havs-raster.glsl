@@ -91,12 +91,13 @@ void main() {
     corner_0 = view_points[first & ~(FACE_AHEAD | FACE_BEHIND)];
     corner_1 = view_points[primitives[at + 1u]];
     corner_2 = view_points[primitives[at + 2u]];
-    bool ahead = (first & FACE_AHEAD) != 0u, behind = (first & FACE_BEHIND) != 0u;
-    sides = uint(ahead) | uint(behind) << 1;
+    bvec2 there_are = cells_at_face(first);
+    sides = uint(there_are.x) | uint(there_are.y) << 1;
     cells = vec2(0.0);
     if (CELL_SCALARS) {
-        cells.x = ahead ? mesh_scalars[primitives[at + 3u]] : 0.0;
-        cells.y = behind ? mesh_scalars[primitives[at + 4u]] : 0.0;
+        uint mirrored = push.aspect < 0.0 ? 1u : 0u;
+        cells.x = there_are.x ? mesh_scalars[primitives[at + 3u + mirrored]] : 0.0;
+        cells.y = there_are.y ? mesh_scalars[primitives[at + 4u - mirrored]] : 0.0;
     }
     place_of_plane = BY_PLANES ? planes[2u * id] : vec4(0.0);
     change_of_plane = BY_PLANES ? planes[2u * id + 1u] : vec4(0.0);

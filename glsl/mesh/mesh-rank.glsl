@@ -98,15 +98,13 @@ void main() {
     boxes[i] = there ? uvec2(low.x | high.x << 16, low.y | high.y << 16) : uvec2(0u);
 
     if (BY_PLANES) {
-        vec4 plane[2] = packed_plane(plane_of(a, b, c, (first & FACE_AHEAD) != 0u, (first & FACE_BEHIND) != 0u));
+        vec4 plane[2] = packed_plane(plane_of(a, b, c, cells_at_face(first)));
         planes[2u * i] = plane[0];
         planes[2u * i + 1u] = plane[1];
     }
 
-    // dist - |z| without the difference.
     vec3 middle = CELLS ? (a.xyz + b.xyz + c.xyz + e.xyz) * 0.25 : (a.xyz + b.xyz + c.xyz) * (1.0 / 3.0);
-    float r2 = dot(middle.xy, middle.xy), z = abs(middle.z - push.forward.w);
-    float further = push.w1 == 0.0 ? 0.0 : r2 / max(sqrt(r2 + z * z) + z, 1e-30);
+    float further = further_of(middle);
     float key = middle.z + (middle.z < push.forward.w ? -further : further);
     if (isnan(key)) atomicAdd(status[STATUS_NAN_KEYS], 1u);
     // Primitives outside of the image go last.

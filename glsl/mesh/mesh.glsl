@@ -1,6 +1,6 @@
 // Tetrahedral meshes in the coordinates of a view, and where a pixel's line meets their faces and cells.
 //
-// A point is (X, Y, d, s): offsets to the right and up from the view's axis, depth relative to the mesh's centre, scalar; lengths
+// A point is (X, Y, d, s): offsets to the right and up from the ray of the image's middle, depth relative to the mesh's centre, scalar; lengths
 // in radii of the mesh, so that neither a far eye nor the world's unit costs digits. A pixel's line passes (P w, d) with w = w0 +
 // w1 d: w is 1 for parallel rays, else proportional to the depth before the eye. Seen from the line a point lies at the offset a =
 // (X, Y) - w P, and the line passes between two of them on the side that the sign of a x b tells: the same number for all faces
@@ -32,8 +32,16 @@ layout(push_constant) uniform MeshPush {
     float smoke;      // extinction per scalar of the smoke model
     float alike;      // scalars this far apart show the same
     uint last_round;  // repair: 1 in the last round, whose unsorted pixels count
-    uint pad0;
+    float aspect;     // offsets of X, Y and depth from the eye are (X aspect + skew.x depth, Y + skew.y depth, depth) at right angles
+    vec2 skew;        // 0 for parallel rays
 } push;
+
+// Whether there is a cell that a face's normal points to, and one on the other side, as the view sees them: a mirrored view has them the
+// other way round.
+bvec2 cells_at_face(uint first) {
+    bvec2 there = bvec2((first & FACE_AHEAD) != 0u, (first & FACE_BEHIND) != 0u);
+    return push.aspect < 0.0 ? there.yx : there;
+}
 
 // Tiles in a row of the image.
 uint tiles_across() {
@@ -51,9 +59,23 @@ vec2 line_at(vec2 pixel) {
     return vec2(pixel.x - push.half_extent.x, push.half_extent.y - pixel.y) * push.pixel;
 }
 
+// An offset from the eye, or along a line, in right-angled coordinates.
+vec3 straight(vec3 v) {
+    return vec3(fma(v.z, push.skew.x, v.x * push.aspect), fma(v.z, push.skew.y, v.y), v.z);
+}
+
+// By how much a place (X, Y, d) is farther from the eye than its plane of equal depth, without the difference; 0 for parallel rays.
+float further_of(vec3 place) {
+    if (push.w1 == 0.0) return 0.0;
+    vec3 from_eye = straight(vec3(place.xy, place.z - push.forward.w));
+    float r2 = dot(from_eye.xy, from_eye.xy), z = abs(from_eye.z);
+    return r2 / max(sqrt(r2 + z * z) + z, 1e-30);
+}
+
 // World length of a unit of depth along a line.
 float length_of_depth(vec2 line) {
-    vec2 t = line * push.slope;
+    vec2 t = straight(vec3(line * push.slope, 1.0)).xy;
+    if (push.w1 == 0.0) t = vec2(0.0);
     return sqrt(1.0 + dot(t, t)) * push.unit;
 }
 

@@ -133,7 +133,7 @@ void main() {
             s = vec2(dot(first, vec4(a.w, b.w, c.w, d.w)), 0.25 * (a.w + b.w + c.w + d.w));
             if (CELL_SCALARS) s = vec2(mesh_scalars[i]);
         }
-        vec4 emission = cell_segment(end_at(s.x), end_at(s.y), length(two - one) * push.unit, push.knots);
+        vec4 emission = cell_segment(end_at(s.x), end_at(s.y), length(straight(two - one)) * push.unit, push.knots);
         fan.thick = emission.a > 0.0 ? vec4(emission.rgb / emission.a, emission.a) : vec4(0.0);
     }
     fan.pad0 = 0u;
@@ -144,8 +144,7 @@ void main() {
     if (SPACE) {
         // Ranks for every view from here: the distance of the centroid less that of the mesh's centre, also behind.
         vec3 middle = (a.xyz + b.xyz + c.xyz + d.xyz) * 0.25;
-        float eye = push.forward.w, r2 = dot(middle.xy, middle.xy), z = abs(middle.z - eye);
-        float further = push.w1 == 0.0 ? 0.0 : r2 / max(sqrt(r2 + z * z) + z, 1e-30);
+        float eye = push.forward.w, further = further_of(middle);
         float key = (middle.z < eye ? 2.0 * eye - middle.z : middle.z) + further;
         sort_keys[i] = there ? float_key(BACK_TO_FRONT ? -key : key) : 0xffffffffu;
         order[i] = i;

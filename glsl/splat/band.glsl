@@ -4,16 +4,18 @@
 
 #include "interface.glsl"
 #include "frame/bounded.glsl"
+#include "shared/sides.glsl"
 
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 
 layout(push_constant) uniform SplatPush {
     vec4 q0_kq;
-    vec4 px_kd;
-    vec4 py_scale;
-    vec4 d0_near;
+    vec4 px_slope;      // w: change of the tangent of the angle between line and view with x; 0 for parallel lines
+    vec4 py_slope;      // w: with y
+    vec4 d0_slope;      // w: x of that tangent at the image's middle
     vec4 forward_reach; // depth of a centre: dot of it with xyz; w: half the depth that a kernel spans, of sigma 1
-    vec2 half_extent;   // of the image, pixels
+    float slope_y;      // y of that tangent
+    uint sides;         // of the image (sides.glsl)
     float unit;         // world length of a unit of depth
     float h;            // in depth: thickness of a slab, or reach of the largest footprint; of trained splats: the middle's, from the eye
     float cut;          // distance at which kernels end, in sigmas
@@ -35,11 +37,20 @@ layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumul
 #define MOST (push.turns & 0x3fffffffu)
 #define IS_LAST ((push.turns >> 31) != 0u)
 
+vec2 half_image() {
+    return half_of(push.sides);
+}
+
+// Depth of the eye, where lines begin.
+float nearest_depth() {
+    return push.px_slope.w > 0.0 ? -push.q0_kq.w / push.unit : -3e38;
+}
+
 // Depths between which a pixel's line is drawn: from the eye on, and where anything else bounds it.
 vec2 drawn_depths(uvec2 pixel) {
-    uvec2 size = uvec2(2.0 * push.half_extent);
+    uvec2 size = uvec2(2.0 * half_image());
     vec2 bounds = bounds_of(min(pixel, size - 1u), size.x);
-    return vec2(max(bounds.x, push.d0_near.w), bounds.y);
+    return vec2(max(bounds.x, nearest_depth()), bounds.y);
 }
 
 // The bin of a tile of the band.
@@ -49,12 +60,12 @@ uvec2 bin_of(uint in_band) {
 
 // An invocation's first pixel.
 uvec2 first_pixel(uint in_band, uint lane) {
-    uint tile = push.band + in_band, across = (uint(2.0 * push.half_extent.x) + TILE - 1u) / TILE;
+    uint tile = push.band + in_band, across = ((push.sides & 0xffffu) + TILE - 1u) / TILE;
     return uvec2(tile % across, tile / across) * TILE + uvec2(lane % TILE, lane / TILE);
 }
 
 bool in_image(uvec2 pixel) {
-    return all(lessThan(pixel, uvec2(2.0 * push.half_extent)));
+    return all(lessThan(pixel, uvec2(2.0 * half_image())));
 }
 
 void load_pixel(uvec2 pixel, out vec4 sum, out float transmittance) {

@@ -272,7 +272,7 @@ void main() {
     uint end = WORD(LAST);
 #endif
     if (RESUME && i >= end) return;
-    vec2 from = vec2(origin) + 0.5 - push.half_extent;
+    vec2 from = vec2(origin) + 0.5 - half_image();
     Line lines[ROWS];
 #define BEGIN(r) lines[r] = begin_line(origin + uvec2(0, r), place + r * TILE);
     EACH_ROW(BEGIN)
@@ -281,7 +281,7 @@ void main() {
         uint at = record_of(bins[i], true);
         Record record;
         FETCH_RAY_RECORD(at, record)
-        vec2 reference = reference_of(record.form.xy, push.half_extent);
+        vec2 reference = reference_of(record.form.xy, half_image());
         room -= ALWAYS;
 #define NEXT(r) place_in(lines[r], place + r * TILE, from + vec2(0.0, float(r)), record, reference);
         EACH_ROW(NEXT)

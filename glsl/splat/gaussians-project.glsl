@@ -37,13 +37,14 @@ layout(constant_id = SPEC_SPLAT_RULE) const uint RULE = RULE_KHR;
 layout(constant_id = SPEC_SPLAT_ORDER) const uint ORDER = ORDER_DEPTHS;
 
 layout(push_constant) uniform TrainedPush {
-    vec4 right;       // axes of the view, in the data's; w: what the eye's rounding takes from a place
+    vec4 right;       // to the place in the image of a place in the data; w: what the eye's rounding takes from it
     vec4 down;
     vec4 forward;
     vec4 eye;         // rounded; w: focal length in pixels, for parallel lines pixels in a unit of length
-    vec4 middle;      // of all centres: depths are told from there, as splats near each other differ by less than they are far
+    vec4 middle;      // of all centres: depths are told from there, as splats near each other differ by less than they are far; w: width of a
+                      // pixel over its height
     vec2 half_extent; // of the image, pixels
-    vec2 slopes;      // limits of x / z and y / z in the affine image
+    vec2 skew;        // to the right and down, of the ray of the image's middle
     float scale_low;  // logarithm to base 2 of the shortest length, and of a step of its code
     float scale_step;
     float reach;      // by which most splats reach before and behind their centres, at most
@@ -64,6 +65,7 @@ const bool RAYS = RULE >= RULE_RAY;
 const float HALF_LOG2E = 0.72134752; // turns squared distances into bits
 const float MOST_OPACITY = 0.99;      // of rules that cap it
 const float CUT = 9.0;               // squared distance at which splats end
+const float MOST_SLOPE = 1.3;        // rules of the first program limit x / z and y / z in the affine image to this many of the image's half sides
 
 struct Trained {
     vec3 centre;  // from the eye, in the axes of the view
@@ -181,7 +183,8 @@ Drawn by_image(Trained splat) {
     float focal = push.eye.w, z = splat.centre.z;
     bool perspective = push.perspective != 0u, khr = RULE == RULE_KHR;
     vec2 slopes = perspective ? splat.centre.xy / z : vec2(0.0), place = perspective ? slopes * focal : splat.centre.xy * focal;
-    if (!khr) slopes = clamp(slopes, -push.slopes, push.slopes);
+    vec2 limits = MOST_SLOPE * push.half_extent / focal;
+    if (!khr) slopes = clamp(slopes, -limits, limits);
     float scale = perspective ? focal / z : focal;
     mat3 root = mat3(splat.rotation[0] * splat.lengths.x, splat.rotation[1] * splat.lengths.y, splat.rotation[2] * splat.lengths.z);
     vec3 ahead = push.forward.xyz * root;
@@ -236,7 +239,12 @@ Drawn by_rays(Trained splat) {
     // Where the centre lies beside the eye, a little before it.
     float z = abs(c.z) < 1e-6 * length(c) ? 1e-6 * length(c) : c.z;
     if (perspective) c.z = z;
-    mat3 rows = mat3(push.right.xyz, push.down.xyz, push.forward.xyz), own = transpose(splat.rotation) * rows;
+    // Directions of x, y and depth in the view, and their duals: cross products of directions are combinations of these, times the
+    // determinant of those, the aspect.
+    mat3 duals = mat3(push.right.xyz, push.down.xyz, push.forward.xyz);
+    vec3 across = push.middle.w * push.right.xyz + push.skew.x * push.forward.xyz, down_ward = push.down.xyz + push.skew.y * push.forward.xyz;
+    mat3 directions = mat3(push.middle.w * across, down_ward, push.forward.xyz + push.skew.x * across + push.skew.y * down_ward);
+    mat3 own = transpose(splat.rotation) * directions, own_duals = push.middle.w * (transpose(splat.rotation) * duals);
     // At the place r of W lines go along `way`, and turn by ex and ey a pixel; parallel lines move instead.
     Drawn drawn;
     drawn.place = perspective ? c.xy / z * focal : c.xy * focal;
@@ -245,7 +253,7 @@ Drawn by_rays(Trained splat) {
     vec3 way = perspective ? own_place ? c / z : vec3(reference / focal, 1.0) : vec3(0.0, 0.0, 1.0);
     vec3 ex = vec3(1.0, 0.0, 0.0), ey = vec3(0.0, 1.0, 0.0), kw = k * (own * way), kx = k * (own * ex), ky = k * (own * ey);
     float along = max(dot(kw, kw), 1e-37), unit = 1.0 / (focal * along);
-    vec3 base = perspective ? c : way, kb = k * (own * base), ax = s * (own * cross(base, ex)), ay = s * (own * cross(base, ey));
+    vec3 base = perspective ? c : way, kb = k * (own * base), ax = s * (own_duals * cross(base, ex)), ay = s * (own_duals * cross(base, ey));
     float weight = sqrt(HALF_LOG2E) / (focal * sqrt(along) * most), side = max(length(ax), 1e-30);
     drawn.l = vec3(side, dot(ax, ay) / side, length(cross(ax, ay)) / side) * weight;
     drawn.b = vec2(dot(kw, kx), dot(kw, ky)) * unit;

@@ -49,7 +49,7 @@ void main() {
     uint end = bin.y, stop = min(end, i + MOST);
     if (RESUME && i >= end) return;
     uvec2 origin = first_pixel(in_band, lane);
-    vec2 from = vec2(origin) + 0.5 - push.half_extent;
+    vec2 from = vec2(origin) + 0.5 - half_image();
     vec2 drawn[ROWS];
     vec4 sum[ROWS];
     float transmittance[ROWS]; // 0 once a pixel has ended, except BY_PIXEL
@@ -82,7 +82,7 @@ void main() {
             FETCH_TWO(records, at, record.form, record.limits)
             record.colour = FETCH(records, at + 2u);
         }
-        vec2 reference = RAYS ? reference_of(record.form.xy, push.half_extent) : vec2(0.0);
+        vec2 reference = RAYS ? reference_of(record.form.xy, half_image()) : vec2(0.0);
         live = 0.0;
 #define BLEND(r) { \
             Met met = meet(from + vec2(0.0, float(r)), record, reference, drawn[r]); \
@@ -125,12 +125,12 @@ void main() {
 vec2 from, drawn;
 
 void begin_line(uvec2 pixel) {
-    from = vec2(pixel) + 0.5 - push.half_extent;
+    from = vec2(pixel) + 0.5 - half_image();
     drawn = drawn_depths(pixel);
 }
 
 Met meet_on_line(Record record) {
-    return meet(from, record, reference_of(record.form.xy, push.half_extent), drawn);
+    return meet(from, record, reference_of(record.form.xy, half_image()), drawn);
 }
 
 bool meets_line(uint id, out float at) {

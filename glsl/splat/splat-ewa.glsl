@@ -88,7 +88,7 @@ void main() {
     uint end = bin.y, stop = min(end, i + MOST);
     if (RESUME && i >= end) return;
     uvec2 origin = first_pixel(in_band, lane);
-    vec2 from = vec2(origin) + 0.5 - push.half_extent;
+    vec2 from = vec2(origin) + 0.5 - half_image();
     Line lines[ROWS];
     vec2 drawn[ROWS];
     vec4 sum[ROWS];
@@ -156,7 +156,7 @@ vec2 from, drawn;
 
 void begin_line(uvec2 pixel) {
     line = line_of(vec2(pixel) + 0.5);
-    from = vec2(pixel) + 0.5 - push.half_extent;
+    from = vec2(pixel) + 0.5 - half_image();
     drawn = drawn_depths(pixel);
 }
 

@@ -32,7 +32,7 @@ layout(constant_id = SPEC_SPLAT_AXIS) const uint AXIS_OF_SHEETS = 0;
 layout(constant_id = SPEC_SPLAT_LOWPASS) const uint LOWPASS = LOWPASS_NONE;
 
 layout(push_constant) uniform SplatViewPush {
-    vec4 right;       // X of a centre, to the right of the view's axis: dot of xyz with it, + w
+    vec4 right;       // X of a centre, to the right of the image's middle: dot of xyz with it, + w
     vec4 up;          // Y
     vec4 forward;     // depth from the plane through the centre of the data; w: depth of the eye
     vec2 half_extent; // of the image, pixels
@@ -46,6 +46,8 @@ layout(push_constant) uniform SplatViewPush {
     float eye;        // of the eye along that axis; beyond 1e30 for parallel lines, with the sign of where it is
     float middle;     // of the sheet of number 0
     uint count;       // splats
+    float aspect;     // offsets of X, Y and depth from the eye are (X aspect + skew.x depth, Y + skew.y depth, depth) at right angles
+    vec2 skew;
 } push;
 
 layout(local_size_x = 64) in;
@@ -100,6 +102,11 @@ vec2 places(float x, float w, float xx, float xz, float ww) {
 struct Centre {
     float x, y, z, w;
 };
+
+// An offset from the eye, or along a line, in right-angled coordinates.
+vec3 straight(vec3 v) {
+    return vec3(fma(v.z, push.skew.x, v.x * push.aspect), fma(v.z, push.skew.y, v.y), v.z);
+}
 
 Centre centre_of(vec3 m) {
     float x = dot(m, push.right.xyz) + push.right.w, y = dot(m, push.up.xyz) + push.up.w, z = dot(m, push.forward.xyz);
@@ -168,15 +175,17 @@ Ellipse ellipse_of(uint i, Centre c, Spread spread) {
     to.xy = -s * s * xy + s * gy * xz - gx * s * yz + gx * gy * zz;
     to.yy = s * s * yy - 2.0 * s * gy * yz + gy * gy * zz;
     vec3 t = vec3(c.x * push.w1, c.y * push.w1, c.w) / max(c.w, 1e-20);
+    vec3 along_line = straight(t);
     float along;
     if (SHAPE == SHAPE_COVARIANCES) {
+        vec3 right = push.aspect * push.right.xyz + push.skew.x * push.forward.xyz, up = push.up.xyz + push.skew.y * push.forward.xyz;
         // By the root of the inverse: cofactors of discs and needles cancel. The line's direction is what the projection maps to 0.
         vec4 l0 = splat_shapes[4u * i];
         vec2 l1 = splat_shapes[4u * i + 1u].xy;
-        vec3 v = t.x * push.right.xyz + t.y * push.up.xyz + t.z * push.forward.xyz;
+        vec3 v = along_line.x * right + along_line.y * up + along_line.z * push.forward.xyz;
         vec3 lv = vec3(l0.x * v.x, l0.y * v.x + l0.z * v.y, l0.w * v.x + l1.x * v.y + l1.y * v.z);
         along = dot(lv, lv);
-        float root = s * s / (l0.x * l0.z * l1.y);
+        float root = s * s / (l0.x * l0.z * l1.y * push.aspect);
         to.det = root * root * along;
     } else {
         float cxx = yy * zz - yz * yz, cxy = xz * yz - xy * zz, cxz = xy * yz - xz * yy;
@@ -185,7 +194,7 @@ Ellipse ellipse_of(uint i, Centre c, Spread spread) {
         along = (cxx * t.x * t.x + cyy * t.y * t.y + czz * t.z * t.z + 2.0 * (cxy * t.x * t.y + cxz * t.x * t.z + cyz * t.y * t.z)) / det;
         to.det = to.xx * to.yy - to.xy * to.xy;
     }
-    to.peak = splat_points[2u * i + 1u].a * push.amplitude * push.unit * sqrt(6.283185307 / along) * length(t);
+    to.peak = splat_points[2u * i + 1u].a * push.amplitude * push.unit * sqrt(6.283185307 / along) * length(along_line);
     return to;
 }
 
@@ -216,7 +225,9 @@ void lowpass(inout Ellipse to) {
 uint key_of(Centre c, float reach, vec3 m) {
     if (ORDER == ORDER_CENTRES) {
         // Distance from the eye less the depth of the plane through the centre of the data, without the difference.
-        float r2 = c.x * c.x + c.y * c.y, before = abs(c.z - push.forward.w);
+        float ahead = c.z - push.forward.w, before = abs(ahead);
+        vec2 aside = push.w1 == 0.0 ? vec2(c.x, c.y) : straight(vec3(c.x, c.y, ahead)).xy;
+        float r2 = dot(aside, aside);
         return float_key(c.z + (push.w1 == 0.0 ? 0.0 : r2 / max(sqrt(r2 + before * before) + before, 1e-30)));
     }
     if (ORDER == ORDER_NEAREST) return float_key(c.z - reach);

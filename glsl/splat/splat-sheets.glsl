@@ -162,7 +162,7 @@ void main() {
         }
         if (i >= end) break;
         // Where nothing is, slabs are passed over.
-        k = max(k, floor(max(span.x, push.d0_near.w) / h));
+        k = max(k, floor(max(span.x, nearest_depth()) / h));
         float z0 = k * h, z1 = fma(float(SHEETS), h, z0);
         uint next = i, going_on = 0u;
         while (turn < MOST && next < end && span.x < z1) {
@@ -253,7 +253,7 @@ void main() {
     vec3 to_x = vec3(0.0), to_y = vec3(0.0);
     vec2 scale = vec2(0.0);
     if (TEMPLATE) {
-        vec3 px = push.px_kd.xyz, py = push.py_scale.xyz, d = push.d0_near.xyz;
+        vec3 px = push.px_slope.xyz, py = push.py_slope.xyz, d = push.d0_slope.xyz;
         float inverse = 1.0 / dot(px, cross(py, d));
         to_x = cross(py, d) * inverse;
         to_y = cross(d, px) * inverse;

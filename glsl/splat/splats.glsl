@@ -56,16 +56,16 @@ struct Line {
 };
 
 Line line_of(vec2 pixel) {
-    vec2 from = pixel - push.half_extent;
-    vec3 lateral = from.x * push.px_kd.xyz + from.y * push.py_scale.xyz;
+    vec2 from = pixel - half_image();
+    vec3 lateral = from.x * push.px_slope.xyz + from.y * push.py_slope.xyz;
     Line line;
     line.q = push.q0_kq.xyz + push.q0_kq.w * lateral;
-    line.d = push.d0_near.xyz + push.px_kd.w * lateral;
+    line.d = push.d0_slope.xyz + (push.px_slope.w > 0.0 ? push.unit : 0.0) * lateral;
     float a = dot(line.d, line.d);
     line.inverse_a = 1.0 / a;
     line.along = sqrt(0.5 * a);
     line.scale = HALF_SQRT_PI / line.along;
-    vec2 slope = from * (push.px_kd.w * push.py_scale.w);
+    vec2 slope = fma(from, vec2(push.px_slope.w, push.py_slope.w), vec2(push.d0_slope.w, push.slope_y));
     line.unit = push.unit * sqrt(1.0 + dot(slope, slope));
     return line;
 }

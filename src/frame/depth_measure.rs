@@ -28,7 +28,7 @@ impl DepthMeasure {
     pub(crate) fn rays(&self, view: &View) -> PixelRays {
         let eye = view.camera().eye;
         let centre_depth = (self.centre - eye).dot(view.forward());
-        let foot = eye + view.forward() * centre_depth - self.centre;
+        let foot = eye + view.ahead() * centre_depth - self.centre;
         let (kq, scale) = match view.is_perspective() {
             true => (centre_depth / self.unit, view.pixel_size()),
             false => (1.0, view.pixel_size() / self.unit),
@@ -38,8 +38,8 @@ impl DepthMeasure {
 }
 
 /// The rays of a view's pixels in a technique's measure. The ray of the pixel (x, y), x to the right and y up from the image's
-/// middle, is at `foot / unit + z forward + (kq + kd z) scale (x right + y up)` from the centre at depth z. `kd` is 1 in perspective
-/// and 0 for parallel rays.
+/// middle, is at `foot / unit + z ahead + (kq + kd z) scale (x across + y up)` from the centre at depth z, with the vectors of the view. `kd`
+/// is 1 in perspective and 0 for parallel rays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PixelRays {
     /// The point where the ray of the image's middle meets the centre plane, relative to the centre, world units.

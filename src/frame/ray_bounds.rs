@@ -92,9 +92,9 @@ impl RayBounds {
             .map(|plane| {
                 let n = plane.normal;
                 [
-                    n.dot(view.right()) * scale,
+                    n.dot(view.across()) * scale,
                     -n.dot(view.up()) * scale,
-                    n.dot(view.forward()),
+                    n.dot(view.ahead()),
                     n.dot(foot + (centre - plane.point)) / unit,
                 ]
                 .map(f32_of)
@@ -115,7 +115,7 @@ impl RayBounds {
         });
         let push = BoundsPush {
             planes: [[0.0; 4]; PLANES],
-            half_extent: view.extent().map(|side| f32_of(f64::from(side) * 0.5)),
+            half_extent: view.half_extent(),
             kq: f32_of(kq),
             inverse: ends.map(|end| f32_of(unit / end)),
             depths: depths.map(f32_of),
@@ -151,12 +151,21 @@ impl RayBounds {
             let (given, wanted) = (kind(depth.projection.perspective), kind(view.is_perspective()));
             return invalid(format!("its projection is {given}: the view is {wanted}"));
         }
-        if let Some(scale) = depth.projection.scale {
-            let [width, height] = view.extent().map(f64::from);
-            let wanted = [2.0 / (view.pixel_size() * width), 2.0 / (view.pixel_size() * height)];
+        if let Some((scale, middle)) = depth.projection.image {
+            let half = view.extent().map(|side| 0.5 * f64::from(side) * view.pixel_size());
+            let wanted = [1.0 / (half[0] * view.pixel_aspect()), 1.0 / half[1]];
             if scale.iter().zip(wanted).any(|(scale, wanted)| (scale - wanted).abs() > 1e-4 * wanted) {
                 return invalid(format!(
                     "its projection scales x and y by {scale:?}: the view by {wanted:?}"
+                ));
+            }
+            // Where the image has the viewing direction. A parallel view has its eye in the middle.
+            let [right, up, _] = view.rows();
+            let wanted = [right.dot(view.forward()) / half[0], up.dot(view.forward()) / half[1]];
+            let apart = |(middle, wanted): (&f64, f64)| (middle - wanted).abs() > 1e-4;
+            if view.is_perspective() && middle.iter().zip(wanted).any(apart) {
+                return invalid(format!(
+                    "its projection has the viewing direction at {middle:?} of the image's half sides, to the right and up: the view at {wanted:?}"
                 ));
             }
         }

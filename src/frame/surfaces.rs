@@ -218,16 +218,15 @@ impl SurfaceFrame {
         let PixelRays { foot, kq, scale, centre_depth } = self.measure.rays(view);
         let perspective = view.is_perspective();
         let pack = |v: DVec3, w: f64| num::vec3_of(v).extend(f32_of(w)).to_array();
-        let [width, height] = view.extent();
         let push = SurfacePush {
             q0_kq: pack(foot / unit, kq),
-            right_kd: pack(view.right() * scale, if perspective { 1.0 } else { 0.0 }),
+            right_kd: pack(view.across() * scale, if perspective { 1.0 } else { 0.0 }),
             up_near: pack(view.up() * scale, if perspective { -centre_depth / unit } else { -3e38 }),
-            forward_ratio: pack(view.forward(), space.radius / unit),
-            half_extent: [width, height].map(|side| f32_of(f64::from(side) * 0.5)),
+            forward_ratio: pack(view.ahead(), space.radius / unit),
+            half_extent: view.half_extent(),
             offset: f32_of((space.centre - centre).dot(view.forward()) / unit),
             capacity: self.lists.lists.capacity,
-            across: width.div_ceil(TILE),
+            across: view.extent()[0].div_ceil(TILE),
             tiles: self.lists.tiles,
             slack: f32_of(SLACK * space.radius / unit),
             pad0: 0,

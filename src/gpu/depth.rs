@@ -17,8 +17,9 @@ pub struct DepthProjection {
     pub(crate) at_zero: f64,
     pub(crate) at_one: f64,
     pub(crate) perspective: bool,
-    /// Scale from view to clip coordinates along x and y; known only from a matrix.
-    pub(crate) scale: Option<[f64; 2]>,
+    /// Scales from view to clip coordinates along x and y, and where the viewing direction is in the image, to the right and up in half
+    /// its sides; known only from a matrix.
+    pub(crate) image: Option<([f64; 2], [f64; 2])>,
 }
 
 impl DepthProjection {
@@ -35,7 +36,7 @@ impl DepthProjection {
                 format!("{at_zero} and {at_one}: must be positive and different, infinity for one at most");
             return Err(Error::invalid("depth projection", why));
         }
-        Ok(Self { at_zero, at_one, perspective: true, scale: None })
+        Ok(Self { at_zero, at_one, perspective: true, image: None })
     }
 
     /// Makes the projection of a camera with parallel rays from the distances along the view from the camera's `eye`, in
@@ -50,29 +51,31 @@ impl DepthProjection {
             let why = format!("{at_zero} and {at_one}: must be finite and different");
             return Err(Error::invalid("depth projection", why));
         }
-        Ok(Self { at_zero, at_one, perspective: false, scale: None })
+        Ok(Self { at_zero, at_one, perspective: false, image: None })
     }
 
     /// Makes a projection from a matrix that maps view coordinates to clip coordinates with depths from 0 to 1, such as
     /// [`glam::dcamera::rh::proj::vulkan::perspective_infinite_reverse`].
     ///
-    /// In view coordinates x points right and the camera looks along -z or, in perspective, +z. Recording checks that the
-    /// scales of x and y are those of the view; y may point up or down.
+    /// In view coordinates x points right, y up, and the camera looks along -z or, in perspective, +z. Clip coordinates may have y up or
+    /// down. Recording checks that the matrix shows what the view does.
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] for other matrices: oblique, off-centre, without depth, or not finite.
+    /// [`Error::Invalid`] for other matrices: oblique, without depth, or not finite.
     pub fn from_matrix(matrix: &DMat4) -> Result<Self> {
         let [x, y, z, w] = [0, 1, 2, 3].map(|i| matrix.row(i));
         let wrong = |why: &str| Err(Error::invalid("depth projection", format!("{matrix}: {why}")));
         if !matrix.is_finite() {
             return wrong("must be finite");
         }
-        let straight = [x.y, x.z, x.w, y.x, y.z, y.w, z.x, z.y, w.x, w.y].iter().all(|&e| e == 0.0);
+        let straight = [x.y, y.x, z.x, z.y, w.x, w.y].iter().all(|&e| e == 0.0);
         if !straight || x.x == 0.0 || y.y == 0.0 {
-            return wrong("must have x and y of its own, neither oblique nor off the centre");
+            return wrong("must have x and y of its own, and a depth that does not change with them");
         }
         let scale = [x.x.abs(), y.y.abs()];
+        // x and y may point either way in clip coordinates.
+        let middle = |per_depth: f64| [x.z * x.x.signum() / per_depth, y.z * y.y.signum() / per_depth];
         if w.z != 0.0 && w.w == 0.0 {
             // Clip z = z.z v + z.w, w = w.z v, and the depth is |v|: stored = z.z / w.z + z.w / |w.z| / depth.
             let (level, rise) = (z.z / w.z, z.w / w.z.abs());
@@ -80,13 +83,13 @@ impl DepthProjection {
                 let inverse = (stored - level) / rise;
                 if inverse == 0.0 { f64::INFINITY } else { 1.0 / inverse }
             };
-            let scale = scale.map(|s| s / w.z.abs());
-            return Ok(Self { scale: Some(scale), ..Self::perspective(depth(0.0), depth(1.0))? });
+            let image = Some((scale.map(|s| s / w.z.abs()), middle(w.z)));
+            return Ok(Self { image, ..Self::perspective(depth(0.0), depth(1.0))? });
         }
         if w.z == 0.0 && w.w != 0.0 {
             let depth = |stored: f64| -(stored * w.w - z.w) / z.z;
-            let scale = scale.map(|s| s / w.w.abs());
-            return Ok(Self { scale: Some(scale), ..Self::orthographic(depth(0.0), depth(1.0))? });
+            let image = Some((scale.map(|s| s / w.w.abs()), [0.0; 2]));
+            return Ok(Self { image, ..Self::orthographic(depth(0.0), depth(1.0))? });
         }
         wrong("must be a perspective or a parallel projection")
     }
@@ -186,10 +189,10 @@ mod tests {
         assert!(why(DepthProjection::perspective(f64::INFINITY, f64::INFINITY)).contains("different"));
         assert!(why(DepthProjection::perspective(f64::NAN, 1.0)).contains("positive"));
         assert!(why(DepthProjection::orthographic(1.0, f64::INFINITY)).contains("finite"));
-        assert!(why(DepthProjection::from_matrix(&DMat4::ZERO)).contains("centre"));
+        assert!(why(DepthProjection::from_matrix(&DMat4::ZERO)).contains("of its own"));
         let mut oblique = vulkan::perspective(0.7, 1.0, 0.1, 9.0);
         oblique.x_axis.z = 0.2;
-        assert!(why(DepthProjection::from_matrix(&oblique)).contains("oblique"));
+        assert!(why(DepthProjection::from_matrix(&oblique)).contains("does not change"));
         assert!(why(DepthProjection::from_matrix(&(DMat4::IDENTITY * f64::NAN))).contains("finite"));
     }
 }

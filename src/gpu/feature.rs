@@ -214,7 +214,6 @@ impl Enabled {
     }
 
     /// Returns the core features, for [`vk::DeviceCreateInfo::enabled_features`] or [`vk::PhysicalDeviceFeatures2`].
-    #[must_use]
     pub fn features(&self) -> vk::PhysicalDeviceFeatures {
         vk::PhysicalDeviceFeatures::default().fragment_stores_and_atomics(self.fragment_stores_and_atomics)
     }
@@ -351,7 +350,6 @@ impl FeatureStructures {
     ///
     /// Vulkan allows each structure once in a chain, and none of these beside `VkPhysicalDeviceVulkan12Features` or
     /// `VkPhysicalDeviceVulkan13Features`, which hold the same features: a caller whose chain has these sets their fields instead.
-    #[must_use]
     pub fn chain<'a>(&'a mut self, mut info: vk::DeviceCreateInfo<'a>) -> vk::DeviceCreateInfo<'a> {
         if let Some(it) = &mut self.synchronization2 {
             info = info.push_next(it);

@@ -237,11 +237,12 @@ struct Seen([([f64; 3], f64); 4]);
 impl Seen {
     fn of(rays: &TetRays, view: &View, cell: u32) -> Self {
         let corners = rays.mesh.cells()[num::index(cell)].map(|i| rays.mesh.points()[num::index(i)]);
-        let eye = view.camera().eye;
+        let (eye, [right, up, forward]) = (view.camera().eye, view.rows());
+        let longest = right.length().max(up.length());
         Self(corners.map(|p| {
             let relative = p - eye;
-            let coordinates = [view.right(), -view.up(), view.forward()].map(|axis| relative.dot(axis));
-            (coordinates, f64::EPSILON * (16.0 * relative.length() + 4.0 * p.length()))
+            let coordinates = [right, -up, forward].map(|axis| relative.dot(axis));
+            (coordinates, longest * f64::EPSILON * (16.0 * relative.length() + 4.0 * p.length()))
         }))
     }
 

@@ -187,7 +187,8 @@ impl<'a> GaussianRays<'a> {
     /// Returns a splat for rules of the image, with its key in the order of blending.
     fn seen_ellipse(&self, i: usize, view: &View) -> Option<(f64, Seen)> {
         let relative = self.splats.centre(i) - view.camera().eye;
-        let axes = [view.right(), -view.up(), view.forward()];
+        let [right, up, forward] = view.rows();
+        let axes = [right, -up, forward];
         let [x, y, z] = axes.map(|axis| relative.dot(axis));
         let focal = 1.0 / view.pixel_size();
         let half = view.extent().map(|side| 0.5 * f64::from(side));
@@ -258,7 +259,8 @@ impl<'a> GaussianRays<'a> {
     /// Returns a splat for rules of rays, and bounds what it covers.
     fn seen_ellipsoid(&self, i: usize, view: &View) -> Option<Seen> {
         let eye = view.camera().eye;
-        let axes = [view.right(), -view.up(), view.forward()];
+        let [right, up, forward] = view.rows();
+        let axes = [right, -up, forward];
         let [x, y, z] = axes.map(|axis| (self.splats.centre(i) - eye).dot(axis));
         let root = self.splats.rotation(i) * DMat3::from_diagonal(self.splats.scales(i) * CUT.sqrt());
         let [right, down, ahead] = axes.map(|axis| root.transpose() * axis);

@@ -42,20 +42,23 @@ impl LocalSpace {
     pub(crate) fn push(&self, view: &View, push: &MeshPush) -> Result<MeshPush> {
         let LocalView { rows: [right, up, forward], begin, pixel, w0, w1, slope } = self.view(view);
         let pack = |(v, w): (DVec3, f64)| [v.x, v.y, v.z, w].map(f32_of);
+        let (aspect, skew) = view.shape();
         let push = MeshPush {
             right: pack(right),
             up: pack(up),
             forward: pack((forward.0, begin)),
-            half_extent: view.extent().map(|side| f32_of(f64::from(side) * 0.5)),
+            half_extent: view.half_extent(),
             pixel: f32_of(pixel),
             w0: f32_of(w0),
             w1: f32_of(w1),
             slope: f32_of(slope),
             unit: f32_of(self.radius),
+            aspect: f32_of(aspect),
+            skew: skew.to_array().map(f32_of),
             ..*push
         };
         let numbers = [push.right, push.up, push.forward];
-        let finite = numbers.iter().flatten().all(|number| number.is_finite());
+        let finite = numbers.iter().flatten().chain(&push.skew).all(|number| number.is_finite());
         if !(finite && push.pixel.is_normal() && push.unit.is_normal()) {
             return Err(Error::invalid(
                 "view",
@@ -77,14 +80,15 @@ impl LocalSpace {
             (1.0, 0.0, view.pixel_size() / self.radius, 0.0, -3e38)
         };
         let row = |axis: DVec3| (axis, -eye.dot(axis));
-        let rows = [row(view.right()), row(view.up()), (view.forward(), 0.0)];
+        let [right, up, forward] = view.rows();
+        let rows = [row(right), row(up), (forward, 0.0)];
         LocalView { rows, begin, pixel, w0, w1, slope }
     }
 }
 
 /// A view relative to the centre of the data, in radii.
 ///
-/// The view coordinates X, Y and depth of a point p are the dot products of p with the vectors of `rows`, plus the
+/// The view coordinates X, Y and depth of a point p are the dot products of p with the vectors of `rows` ([`View::rows`]), plus the
 /// offset of each. The ray of a pixel P passes through (P w, depth) with w = `w0` + `w1` depth.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LocalView {

@@ -1,6 +1,6 @@
 //! The camera, and the ray of each pixel.
 
-use glam::{DVec2, DVec3};
+use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 
 use super::Clip;
 use crate::error::{Error, Result};
@@ -68,13 +68,23 @@ impl Camera {
     }
 }
 
+/// The direction of y in clip coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ClipY {
+    /// y = 1 is the image's lowest row, as Vulkan has it.
+    Down,
+    /// y = 1 is the image's top row, as in OpenGL, Direct3D, Metal and WebGPU, and in Vulkan with a viewport of negative height.
+    Up,
+}
+
 /// A camera with an image size and a clip region: defines the ray of each pixel and the part of it that is
 /// drawn.
 ///
 /// Pixel (px, py), row 0 on top, is sampled once, at its centre. With a perspective projection its ray starts
-/// at the eye and runs along `forward + x * right + y * up`; with an orthographic one it starts at `eye + x *
-/// right + y * up` and runs along `forward`. Here `x = (px + 1/2 - W/2) * scale` and `y = (H/2 - py - 1/2) *
-/// scale`.
+/// at the eye and runs along `ahead + x * aspect * right + y * up`; with an orthographic one it starts at `eye + x * aspect *
+/// right + y * up` and runs along `forward`. Here `x = (px + 1/2 - W/2) * scale`, `y = (H/2 - py - 1/2) * scale`, and `ahead` is the
+/// ray of the image's middle. The view of a camera has `ahead = forward` and `aspect = 1`; other views come from
+/// [matrices](Self::from_matrices), [parts](Self::part) and [offsets](Self::offset).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     camera: Camera,
@@ -82,7 +92,12 @@ pub struct View {
     right: DVec3,
     up: DVec3,
     forward: DVec3,
+    /// Height of a pixel: at unit depth for perspective.
     scale: f64,
+    /// Width of a pixel over its height; negative where the view mirrors, and `right` points to the left.
+    aspect: f64,
+    /// Components along `right` and `up` of the ray of the image's middle, per unit of depth; 0 for parallel rays.
+    skew: DVec2,
     clip: Clip,
 }
 
@@ -100,12 +115,7 @@ impl View {
     /// [`Error::Invalid`] if a number is not finite, eye and target coincide, `up` is parallel to the viewing
     /// direction, an angle or a height is out of range, or an image side is 0 or above [`Self::MAX_SIDE`].
     pub fn new(camera: Camera, width: u32, height: u32) -> Result<Self> {
-        for (name, side) in [("width", width), ("height", height)] {
-            if side == 0 || side > Self::MAX_SIDE {
-                let why = format!("{side}: must be 1 to {}", Self::MAX_SIDE);
-                return Err(Error::invalid(format!("image {name}"), why));
-            }
-        }
+        check_sides([width, height])?;
         for (name, v) in [("eye", camera.eye), ("target", camera.target), ("up", camera.up)] {
             if !v.is_finite() {
                 return Err(Error::invalid(format!("camera {name}"), format!("{v}: must be finite")));
@@ -144,7 +154,117 @@ impl View {
             }
         };
         let (extent, up, clip) = ([width, height], right.cross(forward), Clip::none());
-        Ok(Self { camera, extent, right, up, forward, scale, clip })
+        Ok(Self { camera, extent, right, up, forward, scale, aspect: 1.0, skew: DVec2::ZERO, clip })
+    }
+
+    /// Makes the view of an engine's matrices: `projection * view` maps a world position to clip coordinates, and `y` says which way
+    /// they go.
+    ///
+    /// The projection may be off-centre or jittered, and pixels need not be square. Its depths do not matter: they may be
+    /// reversed, and the far plane infinite. The camera of a parallel projection looks along -z of the coordinates that `view` maps to, that of a
+    /// perspective one along -z or +z. For a volume with a model matrix pass `view * model`: lengths, and with them extinctions, stay
+    /// those of the scene. The view may mirror, as matrices of left-handed worlds do.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if a number is not finite, an image side is 0 or above [`Self::MAX_SIDE`], or the matrices map no image, or
+    /// one whose rows and columns are not perpendicular to 1e-5 (a skewed view, such as that of a model scaled differently along its axes).
+    pub fn from_matrices(view: DMat4, projection: DMat4, y: ClipY, width: u32, height: u32) -> Result<Self> {
+        let wrong = |why: &str| Err(Error::invalid("view matrices", why));
+        let both = projection * view;
+        let [across, down, w] = [both.row(0), both.row(1), both.row(3)];
+        if ![across, down, w, view.row(2)].iter().all(|row| row.is_finite()) {
+            return wrong("view, projection and their product must be finite");
+        }
+        let perspective = w.truncate() != DVec3::ZERO;
+        // The camera looks to where w grows; along -z where w is the same everywhere.
+        let back = if perspective { -w } else { view.row(2) };
+        let Some(forward) = (-back.truncate()).try_normalize() else {
+            return wrong("they map no image: the view's third row has no direction");
+        };
+        let per_depth = if perspective { w.truncate().length() } else { w.w };
+        let aside = |row: DVec4| row.truncate() - forward * row.truncate().dot(forward);
+        let upward = down * if y == ClipY::Up { 1.0 } else { -1.0 };
+        let (Some(right), Some(up)) = (aside(across).try_normalize(), aside(upward).try_normalize()) else {
+            return wrong("they map no image: x or y does not change across the view");
+        };
+        if right.dot(up).abs() > 1e-5 {
+            return wrong("they skew the image: its rows and columns must be perpendicular in the world");
+        }
+        // The eye, or a point of the middle ray from which depths count: x, y, and w or z are 0 there.
+        let rows = [across, upward, back];
+        let lengths = rows.map(|row| row.truncate().length());
+        let rows = [0, 1, 2].map(|i| rows[i] / lengths[i]);
+        let eye = DMat3::from_cols(rows[0].truncate(), rows[1].truncate(), rows[2].truncate())
+            .transpose()
+            .inverse()
+            * -DVec3::new(rows[0].w, rows[1].w, rows[2].w);
+        // Half of the image's sides, at unit depth for perspective.
+        let half = [across, upward].map(|row| per_depth.abs() / aside(row).length());
+        let skew = [across, upward]
+            .map(|row| if perspective { -row.truncate().dot(forward) / aside(row).length() } else { 0.0 });
+        let flip = if per_depth < 0.0 { -1.0 } else { 1.0 };
+        let (right, up) = (right * flip, up * flip);
+        let fits = |x: f64| x.is_finite() && x > 0.0;
+        if !(eye.is_finite() && half.into_iter().all(fits)) {
+            return wrong("they map no image: their inverse is not finite");
+        }
+        let projection = if perspective {
+            Projection::Perspective { fov_y_deg: 2.0 * half[1].atan().to_degrees() }
+        } else {
+            Projection::Orthographic { half_height: half[1] }
+        };
+        let camera = Camera { eye, target: eye + forward, up, projection };
+        let plain = Self::new(camera, width, height)?;
+        let mirrors = plain.right.dot(right) < 0.0;
+        let scale = half[1] / (0.5 * f64::from(height));
+        let aspect = half[0] / (0.5 * f64::from(width)) / scale;
+        let [x, y] = skew;
+        Ok(Self {
+            scale,
+            aspect: if mirrors { -aspect } else { aspect },
+            skew: DVec2::new(if mirrors { -x } else { x }, y) * flip,
+            ..plain
+        })
+    }
+
+    /// Returns the view of a rectangle of the image, `corner` its left and top pixel: one tile of an image that is drawn in parts, which
+    /// joins its neighbours pixel by pixel. It may reach beyond the image.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if a side is 0 or above [`Self::MAX_SIDE`].
+    pub fn part(&self, corner: [i32; 2], extent: [u32; 2]) -> Result<Self> {
+        check_sides(extent)?;
+        let middle = |axis: usize| {
+            f64::from(corner[axis]) + 0.5 * (f64::from(extent[axis]) - f64::from(self.extent[axis]))
+        };
+        Ok(Self { extent, ..self.moved(DVec2::new(middle(0), middle(1))) })
+    }
+
+    /// Returns the view whose image is moved by `pixels`, to the right and down: what was at a place p is at p + `pixels`. Fractions of
+    /// a pixel jitter the samples of temporal anti-aliasing.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if an offset is not finite.
+    pub fn offset(&self, pixels: DVec2) -> Result<Self> {
+        if pixels.is_finite() {
+            return Ok(self.moved(-pixels));
+        }
+        Err(Error::invalid("view offset", format!("{pixels}: must be finite")))
+    }
+
+    /// Returns the view whose image has its middle at another place, in pixels to the right of and below that of this image.
+    fn moved(&self, by: DVec2) -> Self {
+        let aside = DVec2::new(by.x * self.aspect, -by.y) * self.scale;
+        if self.is_perspective() {
+            return Self { skew: self.skew + aside, ..*self };
+        }
+        let aside = self.right * aside.x + self.up * aside.y;
+        let camera =
+            Camera { eye: self.camera.eye + aside, target: self.camera.target + aside, ..self.camera };
+        Self { camera, ..*self }
     }
 
     /// Returns the view with this clip region.
@@ -170,7 +290,12 @@ impl View {
         let rows = height.div_ceil(u64::from(side.max(1)));
         let columns = (width * rows).div_ceil(height);
         let [columns, rows] = [columns, rows].map(|pixels| u32::try_from(pixels).unwrap_or(u32::MAX));
-        Ok(Self::new(self.camera, columns, rows)?.with_clip(self.clip))
+        check_sides([columns, rows])?;
+        Ok(Self {
+            extent: [columns, rows],
+            scale: self.scale * f64::from(self.extent[1]) / f64::from(rows),
+            ..*self
+        })
     }
 
     /// Returns the clip region.
@@ -179,7 +304,8 @@ impl View {
         &self.clip
     }
 
-    /// Returns the camera.
+    /// Returns the camera. Of a view from matrices the angle or height is that of an image around the viewing direction; of a
+    /// moved view with parallel rays the eye is on the ray of the image's middle.
     #[must_use]
     pub fn camera(&self) -> &Camera {
         &self.camera
@@ -200,7 +326,7 @@ impl View {
     /// Returns the unit vector that points to the right in the image.
     #[must_use]
     pub fn right(&self) -> DVec3 {
-        self.right
+        self.right * self.aspect.signum()
     }
 
     /// Returns the unit vector that points up in the image.
@@ -209,10 +335,59 @@ impl View {
         self.up
     }
 
-    /// Returns the side of a pixel: at unit depth for perspective, in world units for orthographic.
+    /// Returns the height of a pixel: at unit depth for perspective, in world units for orthographic.
     #[must_use]
     pub fn pixel_size(&self) -> f64 {
         self.scale
+    }
+
+    /// Returns the width of a pixel over its height.
+    #[must_use]
+    pub fn pixel_aspect(&self) -> f64 {
+        self.aspect.abs()
+    }
+
+    /// Returns by what a ray changes along x, as in the description of [`View`]; up in the image is [`Self::up`].
+    pub(crate) fn across(&self) -> DVec3 {
+        self.right * self.aspect
+    }
+
+    /// Returns the ray of the image's middle, at unit depth.
+    pub(crate) fn ahead(&self) -> DVec3 {
+        self.forward + self.right * self.skew.x + self.up * self.skew.y
+    }
+
+    /// Returns the vectors whose dot products with a position from the eye are its x, y and depth, as in the description of [`View`]; x
+    /// and y times the depth for perspective. They are the dual basis of [`Self::across`], [`Self::up`] and [`Self::ahead`].
+    pub(crate) fn rows(&self) -> [DVec3; 3] {
+        let (right, up) = (self.right - self.forward * self.skew.x, self.up - self.forward * self.skew.y);
+        [right / self.aspect, up, self.forward]
+    }
+
+    /// Returns what makes a right-angled offset of x, y and depth: `(x * aspect + depth * skew.x, y + depth * skew.y, depth)` along
+    /// right, up and forward.
+    pub(crate) fn shape(&self) -> (f64, DVec2) {
+        (self.aspect, self.skew)
+    }
+
+    /// Returns the tangents of the angle between a pixel's ray and the viewing direction, as `x * s[0] + s[2]` and `y * s[1] + s[3]` for
+    /// x and y in pixels from the image's middle, y down, up to their signs. All are 0 for parallel rays.
+    pub(crate) fn slopes(&self) -> [f64; 4] {
+        if !self.is_perspective() {
+            return [0.0; 4];
+        }
+        let x = self.skew.x * self.aspect.signum();
+        [self.aspect.abs() * self.scale, self.scale, x, -self.skew.y]
+    }
+
+    /// Returns half the image's sides, in pixels.
+    pub(crate) fn half_extent(&self) -> [f32; 2] {
+        self.extent.map(|side| crate::num::f32_of(f64::from(side) * 0.5))
+    }
+
+    /// Returns the image's sides in one word, as `glsl/shared/sides.glsl` reads them.
+    pub(crate) fn sides(&self) -> u32 {
+        self.extent[0] | self.extent[1] << 16
     }
 
     /// Returns whether rays start at the eye.
@@ -228,9 +403,9 @@ impl View {
     pub fn ray(&self, pixel: DVec2) -> (DVec3, DVec3) {
         let x = (pixel.x - f64::from(self.extent[0]) * 0.5) * self.scale;
         let y = (f64::from(self.extent[1]) * 0.5 - pixel.y) * self.scale;
-        let offset = self.right * x + self.up * y;
+        let offset = self.across() * x + self.up * y;
         if self.is_perspective() {
-            (self.camera.eye, (self.forward + offset).normalize())
+            (self.camera.eye, (self.ahead() + offset).normalize())
         } else {
             (self.camera.eye + offset, self.forward)
         }
@@ -248,10 +423,21 @@ impl View {
             return None;
         }
         let size = if self.is_perspective() { self.scale * depth } else { self.scale };
-        let x = relative.dot(self.right) / size + f64::from(self.extent[0]) * 0.5;
-        let y = f64::from(self.extent[1]) * 0.5 - relative.dot(self.up) / size;
+        let [right, up, _] = self.rows();
+        let x = relative.dot(right) / size + f64::from(self.extent[0]) * 0.5;
+        let y = f64::from(self.extent[1]) * 0.5 - relative.dot(up) / size;
         Some((DVec2::new(x, y), depth))
     }
+}
+
+fn check_sides([width, height]: [u32; 2]) -> Result<()> {
+    for (name, side) in [("width", width), ("height", height)] {
+        if side == 0 || side > View::MAX_SIDE {
+            let why = format!("{side}: must be 1 to {}", View::MAX_SIDE);
+            return Err(Error::invalid(format!("image {name}"), why));
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

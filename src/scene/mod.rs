@@ -35,7 +35,7 @@ pub(crate) mod topology;
 pub(crate) mod transfer;
 
 pub use axes::{Axes, StoredAxes};
-pub use camera::{Camera, Projection, View};
+pub use camera::{Camera, ClipY, Projection, View};
 #[cfg(feature = "io")]
 pub use cells::CellKind;
 pub use clip::{Clip, ClipPlane};

@@ -29,7 +29,11 @@ fn range_of(view: &View, pixel: DVec2, depth: f64) -> ([f64; 2], DVec3, DVec3) {
 }
 
 /// The reference of what lies before a depth, which pixels tell.
-fn truth_before(scene: &Scene, view: &View, depth: &(dyn Fn(DVec2) -> f64 + Sync)) -> ReferenceImage {
+pub(crate) fn truth_before(
+    scene: &Scene,
+    view: &View,
+    depth: &(dyn Fn(DVec2) -> f64 + Sync),
+) -> ReferenceImage {
     let [width, height] = view.extent();
     let pixel = |i: u32| {
         let at = DVec2::new(f64::from(i % width) + 0.5, f64::from(i / width) + 0.5);
@@ -42,7 +46,7 @@ fn truth_before(scene: &Scene, view: &View, depth: &(dyn Fn(DVec2) -> f64 + Sync
 }
 
 /// A plane aslant through the cube, two that cut corners off, and a crop box with open sides: more half-spaces than one dispatch takes.
-fn clip() -> Clip {
+pub(crate) fn clip() -> Clip {
     Clip::none()
         .with_plane(DVec3::new(0.1, 0.0, 0.2), DVec3::new(-0.5, 0.3, -1.0))
         .unwrap()
@@ -120,7 +124,7 @@ fn clipped_matter_has_its_length() {
 }
 
 /// Scenes with the specs that draw them exactly enough, and the bound of the root-mean-square error.
-fn scenes(gpu: &Gpu) -> Vec<Case> {
+pub(crate) fn scenes(gpu: &Gpu) -> Vec<Case> {
     let warps = ["warp=bicubic", "warp=mip", "intermediate=auto", "integrator=integral", "step=0.5"];
     let warps = warps
         .map(|option| format!("shear-warp:intermediate=pixel,{option}").replace("pixel,intermediate=", ""));

@@ -26,6 +26,7 @@ mod hardware;
 mod havs_routes;
 mod layers;
 mod meshes;
+mod off_centre;
 mod orientation;
 mod prefilter;
 mod projected_tets;

@@ -19,8 +19,6 @@ pub(crate) struct GridRays {
     pub(crate) d0: DVec3,
     pub(crate) kq: f64,
     pub(crate) kd: f64,
-    /// Side of a pixel at unit depth, world units, from which shaders compute the length of a segment.
-    pub(crate) scale: f64,
     /// Depth of the eye, world units; minus infinity for parallel rays.
     pub(crate) near: f64,
     /// Depths, world units, between which the domain lies in front of the eye; an empty interval when it lies behind.
@@ -42,7 +40,7 @@ impl GridRays {
         let centre_depth = (centre - eye).dot(view.forward());
         // The point where the ray of the image's centre meets the centre plane, relative to the domain's centre, so that no large
         // numbers cancel.
-        let foot = eye + view.forward() * centre_depth - centre;
+        let foot = eye + view.ahead() * centre_depth - centre;
         let (kq, kd, near) = if view.is_perspective() {
             (centre_depth, 1.0, -centre_depth)
         } else {
@@ -51,12 +49,11 @@ impl GridRays {
         let half = corners.iter().map(|corner| corner.dot(view.forward()).abs()).fold(0.0, f64::max);
         Self {
             q0: to_index * foot,
-            px: to_index * view.right() * scale,
+            px: to_index * view.across() * scale,
             py: to_index * view.up() * -scale,
-            d0: to_index * view.forward(),
+            d0: to_index * view.ahead(),
             kq,
             kd,
-            scale,
             near,
             depths: [near.max(-half), half],
         }

@@ -56,10 +56,10 @@ pub(crate) fn base_planes(
     let mut regions = Vec::new();
     if !view.is_perspective() {
         // The plane in use is given up before it is seen edge-on.
-        let cosines = seen.normals.map(|normal| normal.dot(view.forward()).abs());
+        let cosines = seen.normals.map(|normal| normal.dot(view.ahead()).abs());
         let too_flat = cosines.iter().any(|cosine| *cosine > MOST_SHEAR * cosines[axis]);
         let axis = if too_flat { steepest_axis(grid, view, None, 0.0) } else { axis };
-        let sign = seen.normals[axis].dot(view.forward()).signum();
+        let sign = seen.normals[axis].dot(view.ahead()).signum();
         regions.extend(seen.region(axis, sign, None)?);
     } else if let Some(only) = seen.only_region(axis)? {
         regions.extend(only);

@@ -78,19 +78,19 @@ impl GridView<'_> {
         let origin = self.grid.centre() - self.view.camera().eye + axes * offset;
         let row = |v: DVec3, size: f64| (axes.transpose() * v).extend(origin.dot(v)) / size;
         let scale = self.view.pixel_size();
-        let forward = row(self.view.forward(), 1.0);
+        let [right, up, forward] = self.view.rows();
+        let forward = row(forward, 1.0);
         let last = if self.view.is_perspective() { forward } else { glam::DVec4::W };
-        DMat4::from_cols(row(self.view.right(), scale), row(-self.view.up(), scale), forward, last)
-            .transpose()
+        DMat4::from_cols(row(right, scale), row(-up, scale), forward, last).transpose()
     }
 
     /// Maps pixels to the component of their ray's direction along a vector, which all parallel rays share.
     fn along(&self, v: DVec3) -> DVec3 {
         let lateral = if self.view.is_perspective() { self.view.pixel_size() } else { 0.0 };
         DVec3::new(
-            v.dot(self.view.right()) * lateral,
+            v.dot(self.view.across()) * lateral,
             -v.dot(self.view.up()) * lateral,
-            v.dot(self.view.forward()),
+            v.dot(self.view.ahead()),
         )
     }
 

@@ -54,9 +54,6 @@ const STEP: f64 = 0.04;
 /// Bytes that slabs may take; images of more are drawn in several bands.
 const SLAB_BYTES: u64 = 128 << 20;
 
-/// Rules of the first program limit slopes in the affine image to this multiple of those of the image's borders.
-const SLOPES: f64 = 1.3;
-
 impl Value for SplatRule {
     const WORDS: &'static [(&'static str, Self)] = &Self::ALL;
 }
@@ -404,18 +401,18 @@ fn pushes(set: &TrainedSet, view: &View, draw: SplatPush) -> Result<(TrainedPush
     let rest = glam::DVec3::from_array(rounded.map(f64::from)) - eye;
     let row = |axis: glam::DVec3| [axis.x, axis.y, axis.z, rest.dot(axis)].map(f32_of);
     let focal = 1.0 / view.pixel_size();
-    let half = view.extent().map(|side| 0.5 * f64::from(side));
     let perspective = view.is_perspective();
+    let ([right, up, forward], (aspect, skew)) = (view.rows(), view.shape());
     let middle = set.centre.to_array().map(f32_of);
     let depth = (set.centre - eye).dot(view.forward());
     let project = TrainedPush {
-        right: row(view.right()),
-        down: row(-view.up()),
-        forward: row(view.forward()),
+        right: row(right),
+        down: row(-up),
+        forward: row(forward),
         eye: [rounded[0], rounded[1], rounded[2], f32_of(focal)],
-        middle: [middle[0], middle[1], middle[2], 0.0],
-        half_extent: half.map(f32_of),
-        slopes: half.map(|half| f32_of(SLOPES * half / focal)),
+        middle: [middle[0], middle[1], middle[2], f32_of(aspect)],
+        half_extent: view.half_extent(),
+        skew: [skew.x, -skew.y].map(f32_of),
         scale_low: f32_of(set.scales[0]),
         scale_step: f32_of(set.scales[1]),
         reach: f32_of(set.reach),
@@ -423,14 +420,18 @@ fn pushes(set: &TrainedSet, view: &View, draw: SplatPush) -> Result<(TrainedPush
         degree: set.degree,
         perspective: u32::from(perspective),
     };
-    let near = if perspective { f32_of(-depth) } else { -3e38 };
+    let [slope_x, slope_y, middle_x, middle_y] = view.slopes().map(f32_of);
     let draw = SplatPush {
-        d0_near: [0.0, 0.0, 0.0, near],
+        q0_kq: [0.0, 0.0, 0.0, f32_of(depth)],
+        px_slope: [0.0, 0.0, 0.0, slope_x],
+        py_slope: [0.0, 0.0, 0.0, slope_y],
+        d0_slope: [0.0, 0.0, 0.0, middle_x],
+        slope_y: middle_y,
+        sides: view.sides(),
         // Of the eye's plane before that through the middle, from which depths are told.
         h: f32_of(depth),
         // Depths in float32 have less rounding than this.
         forward_reach: [0.0, 0.0, 0.0, f32_of(set.reach + 1e-5 * (set.radius + depth.abs()))],
-        half_extent: half.map(f32_of),
         unit: if perspective { 1.0 } else { 0.0 },
         // Thinner splats have no places within, in float32.
         least: f32_of(1e-6 * (set.radius + depth.abs())),

@@ -60,7 +60,7 @@ impl GpuScene {
         let to_voxels = set.space.to_world.inverse() * sigma;
         let direction = to_voxels * view.forward() * set.space.unit;
         let pixel = view.pixel_size();
-        let axes = [to_voxels * view.right() * pixel, to_voxels * view.up() * -pixel];
+        let axes = [to_voxels * view.across() * pixel, to_voxels * view.up() * -pixel];
         let template = Template::new(kernels, direction, axes, size)?;
         // The shader multiplies by the amplitude.
         let texels: Vec<f32> =

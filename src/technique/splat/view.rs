@@ -45,7 +45,6 @@ impl SplatView {
         let rays = GridRays::of(space.to_world.inverse(), space.centre, &space.corners, view);
         let axis = sheet_axis(set, view);
         let thickness = sheet_thickness(set, desc)?;
-        let near = rays.near / space.unit;
         let project = project_push(set, desc, view, &local, thickness, axis);
         let h = if desc.accumulation == Accumulation::ByPixel {
             reach_of_footprints(set, desc, &local)
@@ -54,8 +53,15 @@ impl SplatView {
         };
         let draw =
             SplatPush { h: f32_of(h), opaque: f32_of(opaque), knots, ..ray_push(set, &local, &rays, view) };
-        let numbers =
-            [project.right, project.up, project.forward, draw.q0_kq, draw.px_kd, draw.py_scale, draw.d0_near];
+        let numbers = [
+            project.right,
+            project.up,
+            project.forward,
+            draw.q0_kq,
+            draw.px_slope,
+            draw.py_slope,
+            draw.d0_slope,
+        ];
         let finite = numbers.iter().flatten().all(|number| number.is_finite());
         if !(finite && project.pixel.is_normal() && project.unit.is_normal()) {
             return Err(Error::invalid(
@@ -64,13 +70,9 @@ impl SplatView {
             ));
         }
         // The data lies within one unit of its centre.
-        let eye_inside = view.is_perspective() && near > -1.001;
+        let eye_inside = rays.near / space.unit > -1.001;
         Ok(Self { project, draw, eye_inside, axis })
     }
-}
-
-fn half_extent(view: &View) -> [f32; 2] {
-    view.extent().map(|side| f32_of(f64::from(side) * 0.5))
 }
 
 /// Returns the thickness of slabs in units of depth, or the distance of layers in splat space.
@@ -129,6 +131,7 @@ fn project_push(
         [v.x, v.y, v.z, offset].map(f32_of)
     };
     let [right, up, forward] = local.rows;
+    let (aspect, skew) = view.shape();
     // Where the eye is along the axis of sheets; far beyond all data for parallel rays.
     let ahead = space.to_world.inverse() * view.forward();
     let eye = match view.camera().projection {
@@ -142,7 +145,7 @@ fn project_push(
         right: row(right),
         up: row(up),
         forward: row((forward.0, local.begin)),
-        half_extent: half_extent(view),
+        half_extent: view.half_extent(),
         pixel: f32_of(local.pixel),
         w0: f32_of(local.w0),
         w1: f32_of(local.w1),
@@ -154,6 +157,8 @@ fn project_push(
         eye: f32_of(eye),
         middle: f32_of(space.middles[axis]),
         count: set.count,
+        aspect: f32_of(aspect),
+        skew: skew.to_array().map(f32_of),
     }
 }
 
@@ -166,14 +171,16 @@ fn ray_push(set: &SplatSet, local: &LocalView, rays: &GridRays, view: &View) -> 
     let product = set.shape == Shape::Alike && set.kernels.kernel != Kernel::Gaussian;
     let reach = set.cut * if product { gradient.abs().element_sum() } else { gradient.length() };
     let reach = if set.shape == Shape::Alike { reach } else { set.cut };
+    let [slope_x, slope_y, middle_x, middle_y] = view.slopes();
     SplatPush {
         q0_kq: pack(rays.q0, rays.kq),
+        px_slope: pack(rays.px, slope_x),
+        py_slope: pack(rays.py, slope_y),
         // Shaders measure depth in units, `GridRays` in the world's.
-        px_kd: pack(rays.px, rays.kd * space.unit),
-        py_scale: pack(rays.py, rays.scale / space.unit),
-        d0_near: pack(rays.d0 * space.unit, (rays.near / space.unit).max(-3e38)),
+        d0_slope: pack(rays.d0 * space.unit, middle_x),
+        slope_y: f32_of(middle_y),
         forward_reach: pack(gradient, reach),
-        half_extent: half_extent(view),
+        sides: view.sides(),
         unit: f32_of(space.unit),
         cut: f32_of(set.cut),
         least: f32_of(set.kernels.least),

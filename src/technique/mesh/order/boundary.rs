@@ -129,7 +129,7 @@ struct Side {
     positive: bool,
 }
 
-/// The rays of all pixel centres: direction `forward + x right + y up`, or origin moved by that.
+/// The rays of all pixel centres: direction `ahead + x across + y up`, or origin moved by `x across + y up`.
 struct Rays<'a> {
     view: &'a View,
     eye: Eye,
@@ -161,9 +161,10 @@ impl<'a> Rays<'a> {
             return None;
         }
         if !view.is_perspective() || (0..3).all(|i| depths[i] > 0.0 && clear(i)) {
+            let [right, up, _] = view.rows();
             let pixel = |i: usize| {
                 let size = view.pixel_size() * if view.is_perspective() { depths[i] } else { 1.0 };
-                DVec2::new(corners[i].dot(view.right()), -corners[i].dot(view.up())) / size
+                DVec2::new(corners[i].dot(right), -corners[i].dot(up)) / size
             };
             let [a, b, c] = [0, 1, 2].map(pixel);
             let reach = a.length().max(b.length()).max(c.length());
@@ -201,28 +202,28 @@ impl<'a> Rays<'a> {
 
     /// Returns a point and the direction of the ray of a place.
     fn ray(&self, place: DVec2) -> (DVec3, DVec3) {
-        let offset = self.view.right() * place.x + self.view.up() * place.y;
+        let offset = self.view.across() * place.x + self.view.up() * place.y;
         match self.eye {
-            Eye::At(eye) => (eye, self.view.forward() + offset),
+            Eye::At(eye) => (eye, self.view.ahead() + offset),
             Eye::Along(direction) => (self.view.camera().eye + offset, direction),
         }
     }
 
     /// Returns det[a - o, b - o, d] as a function of the ray (o, d).
     fn edge(&self, a: DVec3, b: DVec3) -> Edge {
-        let (right, up, forward) = (self.view.right(), self.view.up(), self.view.forward());
+        let (across, up, ahead) = (self.view.across(), self.view.up(), self.view.ahead());
         let eye = self.view.camera().eye;
         let (p, q) = (a - eye, b - eye);
         // At most some thirty roundings, each relative to at most the product of lengths.
-        let error = 64.0 * f64::EPSILON;
+        let error = 64.0 * f64::EPSILON * ahead.length().max(across.length());
         if self.view.is_perspective() {
             let normal = p.cross(q);
-            let at = DVec3::new(normal.dot(right), normal.dot(up), normal.dot(forward));
+            let at = DVec3::new(normal.dot(across), normal.dot(up), normal.dot(ahead));
             Edge { at, error: error * p.length() * q.length() }
         } else {
             // Only the component of o in the image plane counts: det[b - a, o - eye, d] is linear in it.
-            let moved = (q - p).cross(forward);
-            let at = DVec3::new(-moved.dot(right), -moved.dot(up), p.cross(q).dot(forward));
+            let moved = (q - p).cross(ahead);
+            let at = DVec3::new(-moved.dot(across), -moved.dot(up), p.cross(q).dot(ahead));
             // Origins have rounding errors relative to the eye's coordinates.
             let size = (q - p).length() * (1.0 + eye.length()) + p.length() * q.length();
             Edge { at, error: error * size }
@@ -250,7 +251,7 @@ impl<'a> Rays<'a> {
             Eye::At(_) => predicates::sign([[a, origin], [b, origin], along(by)]),
             Eye::Along(_) => predicates::sign([[b, a], along(by), along(direction)]),
         };
-        here.then_with(|| moved(self.view.right())).then_with(|| moved(self.view.up()))
+        here.then_with(|| moved(self.view.across())).then_with(|| moved(self.view.up()))
     }
 
     /// Adds the crossings of a face with the rays of some rows.

@@ -1,0 +1,285 @@
+//! Views of an engine's matrices: off the centre, of pixels that are not square, mirrored, in parts. Every technique against the
+//! reference, and against the rays that the matrices tell.
+
+#![allow(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "a test makes its own numbers")]
+
+use crate::bounds::{clip, scenes, truth_before};
+use crate::common::caller::{Depth, draw_before};
+use crate::common::cut::{self, OWN, views};
+use crate::common::*;
+use glam::{DMat4, DVec2, DVec3, DVec4};
+use volraster::ash::vk;
+use volraster::gpu::DepthProjection;
+use volraster::measure::ImageErrors;
+use volraster::reference::ReferenceImage;
+use volraster::scene::{Camera, ClipY, Field, Lighting, Mode, Projection, Scene, SplatRule, View};
+use volraster::{GpuScene, Image};
+
+const SIZE: [u32; 2] = [40, 30];
+
+/// The matrix from the world to the coordinates of a camera that looks along -z, x to the right, y up.
+fn look(camera: Camera) -> DMat4 {
+    glam::dcamera::rh::view::look_at_mat4(camera.eye, camera.target, camera.up)
+}
+
+/// A frustum through a rectangle at depth 1: left, right, bottom, top. Depth reversed, without a far plane; y up.
+fn frustum([left, right, bottom, top]: [f64; 4]) -> DMat4 {
+    let (w, h) = (right - left, top - bottom);
+    DMat4::from_cols(
+        DVec4::new(2.0 / w, 0.0, 0.0, 0.0),
+        DVec4::new(0.0, 2.0 / h, 0.0, 0.0),
+        DVec4::new((right + left) / w, (top + bottom) / h, 0.0, -1.0),
+        DVec4::new(0.0, 0.0, 0.1, 0.0),
+    )
+}
+
+/// Parallel rays through a rectangle; depths from 0.5 to 20, y up.
+fn parallel([left, right, bottom, top]: [f64; 4]) -> DMat4 {
+    let (w, h) = (right - left, top - bottom);
+    DMat4::from_cols(
+        DVec4::new(2.0 / w, 0.0, 0.0, 0.0),
+        DVec4::new(0.0, 2.0 / h, 0.0, 0.0),
+        DVec4::new(0.0, 0.0, -1.0 / 19.5, 0.0),
+        DVec4::new(-(right + left) / w, -(top + bottom) / h, -0.5 / 19.5, 1.0),
+    )
+}
+
+/// The other side of y in clip coordinates.
+fn flipped(matrix: DMat4) -> DMat4 {
+    DMat4::from_scale(DVec3::new(1.0, -1.0, 1.0)) * matrix
+}
+
+/// Views with the matrices that made them, y up, and the centred view of the same camera.
+fn off_centre() -> Vec<(&'static str, View, View, [DMat4; 2])> {
+    let [outside, aside, inside] = views();
+    let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+    let made = |name, centred: View, projection: DMat4, first: DMat4| {
+        let view = first * look(*centred.camera());
+        let off = View::from_matrices(view, projection, ClipY::Up, SIZE[0], SIZE[1]).unwrap();
+        (name, off, centred, [view, projection])
+    };
+    let plain = DMat4::IDENTITY;
+    vec![
+        made("beside", outside, frustum([-0.1, 0.75, -0.5, 0.2]), plain),
+        made("far beside", outside, frustum([0.05, 0.3, 0.02, 0.35]), plain),
+        made("mirrored", outside, frustum([-0.3, 0.6, -0.4, 0.3]), mirror),
+        made("parallel", aside, parallel([-1.9, 1.1, -0.8, 1.7]), plain),
+        made("parallel, mirrored", aside, parallel([-1.9, 1.1, -0.8, 1.7]), mirror),
+        made("inside", inside, frustum([-1.4, 0.3, -0.2, 1.1]), plain),
+    ]
+}
+
+/// Rays are those of the matrices, for both directions of y, and a place is projected to where the matrices have it.
+#[test]
+fn a_view_has_the_rays_of_its_matrices() {
+    for (name, view, _, [world, projection]) in off_centre() {
+        let down = View::from_matrices(world, flipped(projection), ClipY::Down, SIZE[0], SIZE[1]).unwrap();
+        // The same to rounding: the sign of y is exact.
+        assert_eq!(down, view, "{name}");
+        // The model's matrix is the world's: lengths stay the scene's.
+        let model = DMat4::from_scale(DVec3::splat(250.0)) * world;
+        let scaled = View::from_matrices(
+            model,
+            projection * DMat4::from_scale(DVec3::splat(0.004)),
+            ClipY::Up,
+            SIZE[0],
+            SIZE[1],
+        );
+        let scaled = scaled.unwrap();
+        let both = projection * world;
+        for (_, pixel) in pixels(&view) {
+            let (origin, direction) = view.ray(pixel);
+            for t in [1.0, 3.5] {
+                let point = origin + direction * t;
+                let ndc = both.project_point3(point);
+                let [x, y] = [(ndc.x + 1.0) * 20.0, (1.0 - ndc.y) * 15.0];
+                assert!((DVec2::new(x, y) - pixel).length() < 1e-9, "{name} {pixel}: {x} {y}");
+                let (back, depth) = view.project(point).unwrap();
+                assert!((back - pixel).length() < 1e-9, "{name} {pixel}: {back}");
+                let ahead = -(world.transform_point3(point)).z;
+                assert!((depth - ahead).abs() < 1e-9, "{name}: {depth} {ahead}");
+                let (back, _) = scaled.project(point).unwrap();
+                assert!((back - pixel).length() < 1e-8, "{name} scaled, {pixel}: {back}");
+            }
+        }
+    }
+}
+
+/// A camera's matrices make the camera's view, and what is no view is refused.
+#[test]
+fn matrices_of_a_camera_are_its_view() {
+    let [outside, aside, _] = views();
+    let half = 21_f64.to_radians().tan();
+    let width = half * 4.0 / 3.0;
+    let projections =
+        [frustum([-width, width, -half, half]), parallel([-1.6 * 4.0 / 3.0, 1.6 * 4.0 / 3.0, -1.6, 1.6])];
+    for (view, projection) in [outside, aside].into_iter().zip(projections) {
+        let world = look(*view.camera());
+        let got = View::from_matrices(world, projection, ClipY::Up, 40, 30).unwrap();
+        assert!(
+            (got.pixel_size() - view.pixel_size()).abs() < 1e-14 && (got.pixel_aspect() - 1.0).abs() < 1e-14
+        );
+        assert!((got.camera().eye - view.camera().eye).length() < 1e-13);
+        for (_, pixel) in pixels(&view) {
+            let ((a, d), (b, e)) = (got.ray(pixel), view.ray(pixel));
+            assert!((a - b).length() < 1e-13 && (d - e).length() < 1e-13, "{pixel}");
+        }
+        let why = |world, projection| {
+            View::from_matrices(world, projection, ClipY::Up, 40, 30).unwrap_err().to_string()
+        };
+        assert!(why(world * f64::NAN, projection).contains("finite"));
+        assert!(why(world, DMat4::ZERO).contains("no image"));
+        assert!(why(DMat4::from_scale(DVec3::new(1.0, 0.0, 1.0)) * world, projection).contains("no image"));
+        assert!(why(world * DMat4::from_scale(DVec3::new(1.0, 3.0, 5.0)), projection).contains("skew"));
+        let sides = View::from_matrices(world, projection, ClipY::Up, 0, 30).unwrap_err().to_string();
+        assert!(sides.contains("width"), "{sides}");
+    }
+}
+
+/// Every technique draws what the reference does, also where clip planes or a depth image bound rays.
+#[test]
+fn every_technique_draws_views_off_the_centre() {
+    let gpu = gpu();
+    for (name, scene, specs) in taken(3, scenes(&gpu)) {
+        let on_device = GpuScene::new(&gpu, scene.clone());
+        for (kind, view, centred, [_, projection]) in taken(4, off_centre()) {
+            // A wall at the depth of the data's middle, in a part of the image.
+            let behind = -view.camera().eye.dot(view.forward());
+            let wall = |p: DVec2| if p.x < 22.0 { behind.max(0.0) + 0.2 } else { f64::INFINITY };
+            let depths = pixels(&view).map(|(_, p)| {
+                let ndc = projection.project_point3(DVec3::new(0.0, 0.0, -wall(p))).z;
+                if wall(p).is_finite() {
+                    ndc as f32
+                } else if view.is_perspective() {
+                    0.0
+                } else {
+                    1.0
+                }
+            });
+            let values: Vec<f32> = depths.collect();
+            let image = Depth::new(&gpu, vk::Format::D32_SFLOAT, SIZE, &values).unwrap();
+            let cut = (&image, DepthProjection::from_matrix(&projection).unwrap());
+            let nothing = |_: DVec2| f64::INFINITY;
+            let clipped = view.with_clip(clip());
+            let whole = truth_before(&scene, &view, &nothing);
+            let cases =
+                [("whole", view, None), ("clipped", clipped, None), ("before a wall", view, Some(cut))];
+            for (what, seen, given) in cases {
+                let truth = match given {
+                    None => truth_before(&scene, &seen, &nothing),
+                    Some(_) => truth_before(&scene, &seen, &wall),
+                };
+                for (spec, bound) in &specs {
+                    if spec.contains("template") && view.is_perspective() {
+                        continue;
+                    }
+                    // What blends whole splats or resamples has an error of its own, that of the camera's view, or of this one uncut.
+                    let bound = if *bound > OWN {
+                        *bound
+                    } else {
+                        let own = |view: &View, truth: &ReferenceImage| {
+                            ImageErrors::between_f64(&draw_on(&on_device, view, spec), truth)
+                                .unwrap()
+                                .all
+                                .rmse
+                        };
+                        let usual = own(&centred, &truth_before(&scene, &centred, &nothing));
+                        let here = own(&view, &whole);
+                        assert!(
+                            here < 1e-3 + 2.0 * usual,
+                            "{name} {kind} {spec}: {here:.1e}, centred {usual:.1e}"
+                        );
+                        1e-3 + 2.0 * here
+                    };
+                    let drawn = draw_before(&gpu, &on_device, &seen, spec, given);
+                    let errors = ImageErrors::between_f64(&drawn, &truth).unwrap().all;
+                    println!(
+                        "{name} {kind}, {what}, {spec}: rmse {:.1e} of {bound:.1e}, worst {:.1e}",
+                        errors.rmse, errors.max_abs
+                    );
+                    assert!(
+                        errors.rmse < bound,
+                        "{name} {kind}, {what}, {spec}: {:.1e} of {bound:.1e}",
+                        errors.rmse
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Trained splats by the rules of the image, whose ellipses depend on the place in it.
+#[test]
+fn rules_of_the_image_hold_off_the_centre() {
+    let gpu = gpu();
+    for rule in [SplatRule::Khr, SplatRule::Inria, SplatRule::Antialiased] {
+        let scene = Scene::new(Field::Blobs.splats(400).unwrap(), cut::fog()).with_rule(rule);
+        let on_device = GpuScene::new(&gpu, scene.clone());
+        for (kind, view, ..) in off_centre() {
+            let errors = errors(&draw_on(&on_device, &view, "gaussians"), &scene, &view).all;
+            println!("{} {kind}: rmse {:.1e}, worst {:.1e}", rule.name(), errors.rmse, errors.max_abs);
+            assert!(errors.rmse < 2e-5, "{} {kind}: {:.1e}", rule.name(), errors.rmse);
+        }
+    }
+}
+
+/// Lights and the headlight meet surfaces in world directions.
+#[test]
+fn lit_grids_hold_off_the_centre() {
+    let gpu = gpu();
+    for (mode, specs) in [
+        (
+            Mode::Lit(Lighting::default()),
+            vec!["slices-3d:step=0.25,filter=exact", "raycast:step=0.25,filter=exact"],
+        ),
+        (Mode::Maximum, vec!["raycast:step=0.25,filter=exact"]),
+    ] {
+        let scene = scene(Field::Blobs, 20, "f32", &FOG).with_mode(mode).unwrap();
+        let on_device = GpuScene::new(&gpu, scene.clone());
+        for (kind, view, ..) in off_centre() {
+            for spec in &specs {
+                let errors = errors(&draw_on(&on_device, &view, spec), &scene, &view).all;
+                println!("{kind} {spec}: rmse {:.1e}, worst {:.1e}", errors.rmse, errors.max_abs);
+                assert!(errors.rmse < 2e-3, "{kind} {spec}: {:.1e}", errors.rmse);
+            }
+        }
+    }
+}
+
+/// The parts of an image join to the image, and an offset of whole pixels moves it.
+#[test]
+fn parts_join_to_the_image() {
+    let gpu = gpu();
+    let [outside, aside, _] = views();
+    let beside = off_centre().remove(0).1;
+    for (scene, specs) in every_kind(&gpu) {
+        for spec in specs.iter().filter(|spec| by_pixel(spec)) {
+            for view in taken(2, [outside, aside, beside]) {
+                let whole = draw_on(&scene, &view, spec);
+                let near = |part: &Image, corner: [i32; 2], what: &str| {
+                    for (i, pixel) in part.pixels().iter().enumerate() {
+                        let x = corner[0] + (i as u32 % part.width()) as i32;
+                        let y = corner[1] + (i as u32 / part.width()) as i32;
+                        let [x, y] = [u32::try_from(x), u32::try_from(y)];
+                        let (Ok(x), Ok(y)) = (x, y) else { continue };
+                        if x >= SIZE[0] || y >= SIZE[1] {
+                            continue;
+                        }
+                        let want = whole.pixel(x, y);
+                        let far = (0..4).map(|c| (pixel[c] - want[c]).abs()).fold(0.0, f32::max);
+                        assert!(far < 2e-3, "{what} {spec} {x} {y}: {pixel:?} is not {want:?}");
+                    }
+                };
+                for (corner, extent) in [([0, 0], [17, 30]), ([17, 0], [23, 30]), ([-5, 11], [31, 24])] {
+                    near(&draw_on(&scene, &view.part(corner, extent).unwrap(), spec), corner, "part");
+                }
+                let moved = view.offset(DVec2::new(3.0, -2.0)).unwrap();
+                near(&draw_on(&scene, &moved, spec), [-3, 2], "offset");
+            }
+        }
+    }
+    assert!(outside.part([0, 0], [0, 4]).unwrap_err().to_string().contains("width"));
+    assert!(outside.offset(DVec2::new(f64::NAN, 0.0)).unwrap_err().to_string().contains("finite"));
+    let orthographic = matches!(aside.camera().projection, Projection::Orthographic { .. });
+    assert!(orthographic);
+}
