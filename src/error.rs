@@ -104,9 +104,20 @@ fn shown(path: &Path) -> String {
 
 /// Returns text in one line with control characters escaped, since messages quote the contents of files.
 fn line(text: &str) -> String {
-    let mut line = String::with_capacity(text.len());
-    for c in text.chars() {
-        if c.is_control() { line.extend(c.escape_default()) } else { line.push(c) }
+    /// Longer texts are quoted input: their ends tell enough.
+    const MOST: usize = 2000;
+    let mut line = String::with_capacity(text.len().min(MOST));
+    let count = text.chars().count();
+    for (i, c) in text.chars().enumerate() {
+        if count > MOST && i >= MOST / 2 && i < count - MOST / 4 {
+            if i == MOST / 2 {
+                line.push_str(" [...] ");
+            }
+        } else if c.is_control() {
+            line.extend(c.escape_default());
+        } else {
+            line.push(c);
+        }
     }
     line
 }
@@ -189,5 +200,11 @@ mod tests {
     fn what_is_quoted_stays_in_one_line() {
         let error = Error::file(Path::new("a\nb\u{7}é.raw"), "key\r\n", "\t0");
         assert_eq!(error.to_string(), "a\\nb\\u{7}é.raw: key\\r\\n: \\t0");
+        let long = Error::invalid("technique", format!("\"{}\": must be one of a, b", "é".repeat(1 << 20)))
+            .to_string();
+        assert!(
+            long.len() < 4000 && long.starts_with("invalid technique: \"éé") && long.ends_with("b"),
+            "{long}"
+        );
     }
 }

@@ -293,7 +293,8 @@ pub(crate) struct SortPush {
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct BoundsPush {
     pub(crate) planes: [[f32; 4]; 6],
-    pub(crate) half_extent: [f32; 2],
+    pub(crate) sides: u32,
+    pub(crate) corner: u32,
     pub(crate) inverse: [f32; 2],
     pub(crate) depths: [f32; 2],
     pub(crate) kq: f32,
@@ -373,6 +374,13 @@ pub(crate) struct SurfacePush {
 pub(crate) struct Triangle {
     pub(crate) plane: [f32; 4],
     pub(crate) colour: [f32; 4],
+}
+
+/// The push constants of `composite.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct CompositePush {
+    pub(crate) corner: [i32; 2],
 }
 
 /// The push constants of `picture.glsl`.

@@ -16,6 +16,7 @@
 
 #include "interface.glsl"
 #include "shared/device.glsl"
+#include "shared/sides.glsl"
 
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
 
@@ -26,7 +27,8 @@ layout(push_constant, std430) uniform BoundsPush {
     // With p = planes[i] the height of a ray at depth z above plane i is p.w + kq L + z (p.z + kd L), L = p.x x + p.y y. The pixel
     // (x, y) is counted from the image's centre, y down; kd is 1 for perspective, else 0.
     vec4 planes[6];
-    vec2 half_extent; // of the image, pixels
+    uint sides;       // of the image (sides.glsl)
+    uint corner;      // of its rectangle in the depth image, coded as its sides
     vec2 inverse;     // perspective: inverse distances from the eye of the stored values 0 and 1
     vec2 depths;      // depths of the stored values 0 and 1; in perspective times those inverses, so that depth = mix(depths) /
                       // mix(inverses) has small terms also for a far eye
@@ -53,14 +55,14 @@ float surface_depth(float stored) {
 
 void main() {
     uvec2 pixel = INVOCATION.xy;
-    uvec2 size = uvec2(2.0 * push.half_extent + 0.5);
+    uvec2 size = uvec2(2.0 * half_of(push.sides)), corner = uvec2(2.0 * half_of(push.corner));
     if (any(greaterThanEqual(pixel, size))) return;
     uint word = pixel.y * size.x + pixel.x;
     vec2 bounds = RESUME ? line_bounds[word] : vec2(-3e38, 3e38);
 #ifdef DEPTH
-    bounds.y = min(bounds.y, surface_depth(texelFetch(depth_image, ivec2(pixel), 0).r));
+    bounds.y = min(bounds.y, surface_depth(texelFetch(depth_image, ivec2(pixel + corner), 0).r));
 #endif
-    vec2 xy = vec2(pixel) + 0.5 - push.half_extent;
+    vec2 xy = vec2(pixel) + 0.5 - half_of(push.sides);
     float kd = (push.count & BOUNDS_PERSPECTIVE) != 0u ? 1.0 : 0.0;
     for (uint i = 0u; i < 6u; ++i) {
         if (i >= (push.count & BOUNDS_PLANES)) break;

@@ -108,8 +108,11 @@ impl Caller {
         let (size, known) = self.sizes(pointer, name)?;
         let beyond = self.array(pointer.cast::<u8>().wrapping_add(known), size - known, name)?;
         if beyond.iter().any(|&byte| byte != 0) {
-            let missing = format!("what follows its first {known} bytes is of a newer version");
-            return Err(Error::unsupported(name, missing));
+            let why = format!(
+                "what follows its first {known} bytes is of a newer version than this library, {}: leave it 0",
+                env!("CARGO_PKG_VERSION")
+            );
+            return Err(Error::invalid(name, why));
         }
         let mut value = zeros::<T>();
         // SAFETY: both are at least as large, and do not overlap; what the caller filled in is valid.
@@ -167,6 +170,11 @@ pub(super) fn given<T>(argument: Option<T>, name: &str) -> Result<T> {
 /// Checks a handle of Vulkan's.
 pub(super) fn check_handle(handle: impl vk::Handle, name: &str) -> Result<()> {
     if handle.is_null() { Err(Error::invalid(name, "is VK_NULL_HANDLE")) } else { Ok(()) }
+}
+
+/// Converts a `VkBool32`.
+pub(super) fn flag(value: u32, name: &str) -> Result<bool> {
+    choice(value, 0, &[false, true], name)
 }
 
 /// Checks a field that stands for padding at the end of a structure, for use by later versions.

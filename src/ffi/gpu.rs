@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::argument::{Caller, Structure, User, check_handle, choice, given};
+use super::argument::{Caller, Structure, User, check_handle, choice, flag, given};
 use super::result::{c_text, call, destroy, make, vr_result};
 use super::vulkan::{
     PFN_vkGetInstanceProcAddr, VkBool32, VkDevice, VkDeviceCreateInfo, VkInstance, VkPhysicalDevice,
@@ -112,7 +112,7 @@ pub unsafe extern "C" fn vr_gpu_create(info: *const vr_gpu_info, gpu: *mut *mut 
         let validations = [Validation::Off, Validation::On, Validation::GpuAssisted];
         let folder = caller.path(info.pipeline_cache_folder, "pipeline_cache_folder")?;
         let pipeline_cache = match folder {
-            _ if info.no_pipeline_cache != vk::FALSE => PipelineCache::Off,
+            _ if flag(info.no_pipeline_cache, "no_pipeline_cache")? => PipelineCache::Off,
             Some(folder) => PipelineCache::Folder(folder.into()),
             None => PipelineCache::Auto,
         };

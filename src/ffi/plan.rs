@@ -3,9 +3,7 @@
 use std::ffi::{CString, c_char};
 use std::sync::Mutex;
 
-use ash::vk;
-
-use super::argument::{Caller, Structure, check_pointer, choice, reserved};
+use super::argument::{Caller, Structure, check_pointer, choice, flag};
 use super::result::{c_text, call, caught, destroy, lock, make, vr_result};
 use super::scene::vr_scene;
 use super::view::vr_view;
@@ -49,8 +47,8 @@ pub struct vr_plan_info {
     pub mode: u32,
     /// Whether each recording has a depth image, which cuts the rays of the volume at its surfaces.
     pub with_depth: VkBool32,
-    /// 0.
-    pub reserved: u32,
+    /// Whether the target is a rectangle of a larger image, placed by vr_record_info::corner.
+    pub in_part: VkBool32,
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
@@ -77,11 +75,11 @@ pub unsafe extern "C" fn vr_plan_create(
     make(unsafe { Caller::trusted() }, (plan, "plan"), |caller| {
         let scene = caller.reference(scene, "scene")?;
         let info = caller.structure(info, "vr_plan_info")?;
-        reserved(info.reserved)?;
         let view = caller.structure(view, "vr_view")?.view()?;
         let mode = choice(info.mode, 1, &[TargetMode::Clear, TargetMode::Over], "mode")?;
         let target = TargetDesc::caller(info.format, mode);
-        let target = if info.with_depth == vk::FALSE { target } else { target.with_depth() };
+        let target = if flag(info.with_depth, "with_depth")? { target.with_depth() } else { target };
+        let target = if flag(info.in_part, "in_part")? { target.in_part() } else { target };
         let renderer = Renderer::new(&scene.scene, scene.chosen(caller, info.technique)?);
         let plan = renderer.prepare(&view, &target)?;
         Ok(vr_plan { renderer, target, route: c_text(plan.route()), plan: Mutex::new(plan) })

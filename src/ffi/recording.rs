@@ -41,7 +41,8 @@ pub struct vr_depth_image {
     /// Layout when the commands run. VK_IMAGE_LAYOUT_UNDEFINED stands for VK_IMAGE_LAYOUT_DEPTH_READ_ONLY_OPTIMAL. The commands
     /// leave the image in that layout, last read in the compute shader stage.
     pub layout: VkImageLayout,
-    /// Size of the image, equal to that of the plan's view.
+    /// Size of the image, equal to that of the plan's view. Of a plan with in_part it may be larger, and the plan reads the rectangle at
+    /// `corner`.
     pub extent: VkExtent2D,
     /// A vr_depth_kind.
     pub kind: u32,
@@ -52,6 +53,8 @@ pub struct vr_depth_image {
     pub at_one: f64,
     /// Matrix from view coordinates to clip coordinates with depths from 0 to 1, column by column.
     pub matrix: [f64; 16],
+    /// First texel of the rectangle, from the left and the top.
+    pub corner: [u32; 2],
 }
 
 // SAFETY: repr(C), numbers and handles, the first its size.
@@ -70,11 +73,18 @@ impl vr_depth_image {
     /// # Safety
     ///
     /// As [`DepthImage::from_raw`].
-    unsafe fn image(&self, gpu: &Gpu) -> Result<DepthImage> {
+    unsafe fn image(&self, gpu: &Gpu, in_part: bool) -> Result<DepthImage> {
         check_handle(self.view, "depth view")?;
+        if self.corner != [0; 2] && !in_part {
+            return Err(Error::invalid(
+                "depth corner",
+                format!("{:?}: is for plans with in_part", self.corner),
+            ));
+        }
         let (projection, extent) = (self.projection()?, [self.extent.width, self.extent.height]);
         // SAFETY: the caller's promise.
         let image = unsafe { DepthImage::from_raw(gpu, self.view, self.format, extent, projection) };
+        let image = if in_part { image.at(self.corner) } else { image };
         let given = self.layout != vk::ImageLayout::UNDEFINED;
         Ok(if given { image.in_layout(self.layout) } else { image })
     }
@@ -124,10 +134,12 @@ pub struct vr_record_info {
     pub view: VkImageView,
     /// Format of the view, equal to that of the plan.
     pub format: VkFormat,
-    /// Size of the image, equal to that of the plan's view.
+    /// Size of the image, or of its rectangle at `corner`, equal to that of the plan's view.
     pub extent: VkExtent2D,
     /// Depth image; NULL if the plan is without depth.
     pub depth: *const vr_depth_image,
+    /// First pixel of the rectangle, from the left and the top, for plans with in_part; else 0.
+    pub corner: [u32; 2],
 }
 
 // SAFETY: repr(C), numbers, handles and pointers, the first its size.
@@ -230,12 +242,16 @@ pub unsafe extern "C" fn vr_plan_record(
         let mut plan = lock(&plan.plan, "plan")?;
         let depth = (!info.depth.is_null()).then(|| caller.structure(info.depth, "vr_depth_image"));
         // SAFETY: the caller's promise.
-        let depth = depth.transpose()?.map(|depth| unsafe { depth.image(&plan.gpu) }).transpose()?;
+        let depth = depth
+            .transpose()?
+            .map(|depth| unsafe { depth.image(&plan.gpu, plan.is_in_part()) })
+            .transpose()?;
         // SAFETY: the caller's promise.
         let mut commands = unsafe { CommandBuffer::from_raw(&plan.gpu, info.commands) };
         let extent = [info.extent.width, info.extent.height];
         // SAFETY: the caller's promise.
         let target = unsafe { TargetImage::from_raw(&plan.gpu, info.image, info.view, info.format, extent) };
+        let target = target.at(info.corner);
         let recorded = plan.record(&mut commands, Some(&target), depth.as_ref())?;
         Ok(vr_recording { state: Mutex::new(State::Pending(Box::new(recorded))) })
     })

@@ -3,7 +3,7 @@
 use std::ffi::{CString, c_char};
 use std::sync::Arc;
 
-use super::argument::{Caller, Structure};
+use super::argument::{Caller, Structure, check_pointer};
 use super::data::{self, vr_grid_info, vr_knot, vr_mesh_info, vr_points_info};
 use super::gpu::vr_gpu;
 use super::result::{c_text, call, destroy, make, vr_result};
@@ -314,6 +314,7 @@ pub unsafe extern "C" fn vr_scene_draws(
     // SAFETY: the caller's promise.
     call(unsafe { Caller::trusted() }, |caller| {
         let scene = caller.reference(scene, "scene")?;
+        check_pointer(technique, "technique")?;
         let method = scene.chosen(caller, technique)?.method();
         caller.write(draws, VkBool32::from(method.draws_scene(scene.scene.scene())), "draws")
     })

@@ -1,11 +1,11 @@
 //! Views: camera, image size and clipping.
 
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 
 use super::argument::{Structure, choice};
 use crate::error::{Error, Result};
 use crate::num;
-use crate::scene::{Camera, Clip, Projection, View};
+use crate::scene::{Camera, Clip, ClipY, Projection, View};
 
 /// Kind of a projection.
 #[repr(C)]
@@ -15,6 +15,11 @@ pub enum vr_projection {
     VR_PROJECTION_PERSPECTIVE = 1,
     /// Rays are parallel, and also show what lies behind the eye.
     VR_PROJECTION_ORTHOGRAPHIC = 2,
+    /// view_matrix and projection_matrix map to clip coordinates whose y = 1 is the image's lowest row, as Vulkan has it. eye, target,
+    /// up, fov_y_deg and half_height are ignored.
+    VR_PROJECTION_MATRICES_Y_DOWN = 3,
+    /// The same with y = 1 at the image's top row, as in OpenGL, Direct3D, Metal and WebGPU.
+    VR_PROJECTION_MATRICES_Y_UP = 4,
 }
 
 /// A clip plane. It removes the side that its normal points away from.
@@ -27,7 +32,7 @@ pub struct vr_clip_plane {
     pub normal: [f64; 3],
 }
 
-/// A camera, the size of its image, and the clipping of the volume. Pixels are square; row 0 is on top.
+/// A camera, the size of its image, and the clipping of the volume. Row 0 is on top. Pixels are square, but for matrices.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct vr_view {
@@ -58,6 +63,12 @@ pub struct vr_view {
     pub crop_low: [f64; 3],
     /// Greatest corner of the crop box; infinity leaves a side open.
     pub crop_high: [f64; 3],
+    /// Matrix from world to view coordinates, column by column; times a model matrix of the volume where it has one: lengths and
+    /// extinctions stay those of the scene. A parallel projection looks along -z of view coordinates, a perspective one along -z or +z.
+    pub view_matrix: [f64; 16],
+    /// Matrix from view to clip coordinates, column by column. It may be off-centre, jittered, and have any depths, reversed and infinite
+    /// ones too.
+    pub projection_matrix: [f64; 16],
 }
 
 // SAFETY: repr(C), numbers, the first its size.
@@ -65,16 +76,22 @@ unsafe impl Structure for vr_view {}
 
 impl vr_view {
     pub(super) fn view(&self) -> Result<View> {
-        let projections = [
-            Projection::Perspective { fov_y_deg: self.fov_y_deg },
-            Projection::Orthographic { half_height: self.half_height },
-        ];
-        let camera = Camera {
-            eye: self.eye.into(),
-            target: self.target.into(),
-            up: self.up.into(),
-            projection: choice(self.projection, 1, &projections, "projection")?,
+        let by_camera = |projection| {
+            let camera =
+                Camera { eye: self.eye.into(), target: self.target.into(), up: self.up.into(), projection };
+            View::new(camera, self.width, self.height)
         };
+        let by_matrices = |y| {
+            let [view, projection] = [&self.view_matrix, &self.projection_matrix].map(DMat4::from_cols_array);
+            View::from_matrices(view, projection, y, self.width, self.height)
+        };
+        let kinds: [&dyn Fn() -> Result<View>; 4] = [
+            &|| by_camera(Projection::Perspective { fov_y_deg: self.fov_y_deg }),
+            &|| by_camera(Projection::Orthographic { half_height: self.half_height }),
+            &|| by_matrices(ClipY::Down),
+            &|| by_matrices(ClipY::Up),
+        ];
+        let view = choice(self.projection, 1, &kinds, "projection")?()?;
         let planes = self.clip_planes.get(..num::index(self.clip_plane_count)).ok_or_else(|| {
             Error::invalid("clip_plane_count", format!("{}: at most 6 are taken", self.clip_plane_count))
         })?;
@@ -85,10 +102,10 @@ impl vr_view {
         if self.crop_low != [0.0; 3] || self.crop_high != [0.0; 3] {
             clip = clip.with_crop(self.crop_low.into(), self.crop_high.into())?;
         }
-        Ok(View::new(camera, self.width, self.height)?.with_clip(clip))
+        Ok(view.with_clip(clip))
     }
 
-    /// Converts a view, the inverse of [`Self::view`]; `struct_size` stays 0.
+    /// Converts a camera's view, the inverse of [`Self::view`]; `struct_size` stays 0.
     pub(super) fn of(view: &View) -> Self {
         let camera = view.camera();
         let (projection, fov_y_deg, half_height) = match camera.projection {
@@ -119,6 +136,8 @@ impl vr_view {
             clip_planes,
             crop_low: crop_low.into(),
             crop_high: crop_high.into(),
+            view_matrix: [0.0; 16],
+            projection_matrix: [0.0; 16],
         }
     }
 }
@@ -142,6 +161,28 @@ mod tests {
             clip_planes: [vr_clip_plane::default(); 6],
             crop_low: [0.0; 3],
             crop_high: [0.0; 3],
+            view_matrix: [0.0; 16],
+            projection_matrix: [0.0; 16],
+        }
+    }
+
+    /// Matrices make the same view in C as in Rust, for both directions of y; unset ones are refused.
+    #[test]
+    fn matrices_are_read_column_by_column() {
+        let world = glam::dcamera::rh::view::look_at_mat4(DVec3::new(1.0, 2.0, 3.0), DVec3::ZERO, DVec3::Y);
+        let mut projection = glam::dcamera::rh::proj::vulkan::perspective_infinite_reverse(0.7, 1.5, 0.1);
+        projection.z_axis.x = 0.2;
+        let codes =
+            [vr_projection::VR_PROJECTION_MATRICES_Y_DOWN, vr_projection::VR_PROJECTION_MATRICES_Y_UP];
+        for (code, y) in codes.into_iter().zip([ClipY::Down, ClipY::Up]) {
+            let given = vr_view { projection: code as u32, ..plain() };
+            assert!(given.view().unwrap_err().to_string().contains("no image"));
+            let matrices = vr_view {
+                view_matrix: world.to_cols_array(),
+                projection_matrix: projection.to_cols_array(),
+                ..given
+            };
+            assert_eq!(matrices.view().unwrap(), View::from_matrices(world, projection, y, 40, 30).unwrap());
         }
     }
 

@@ -12,6 +12,7 @@ pub(crate) fn dry_run(gpu: &Gpu, record: impl FnOnce(&mut Recorder<'_>, &TargetI
         image: vk::Image::null(),
         view: vk::ImageView::null(),
         format: vk::Format::UNDEFINED,
+        corner: [0; 2],
         extent: [0; 2],
         device: gpu.device().handle(),
     };

@@ -321,10 +321,19 @@ impl Plan {
             (None, None) => {}
             (Some(format), Some(target)) if target.format == format && target.extent == self.extent => {}
             (wanted, given) => {
-                let given = given.map(|target| (target.format, target.extent));
-                let why = format!("the plan is for {wanted:?} of {:?}, given is {given:?}", self.extent);
-                return Err(Error::invalid("target", why));
+                let named =
+                    |format, [width, height]: [u32; 2]| format!("an image of {format:?}, {width}x{height}");
+                let wanted = wanted
+                    .map_or_else(|| "an image of its own".to_string(), |format| named(format, self.extent));
+                let given =
+                    given.map_or_else(|| "none".to_string(), |target| named(target.format, target.extent));
+                return Err(Error::invalid("target", format!("the plan is for {wanted}, given is {given}")));
             }
+        }
+        let moved = target.filter(|target| target.corner != [0; 2] && !self.target.part);
+        if let Some(TargetImage { corner, .. }) = moved {
+            let why = format!("begins at {corner:?}: the plan is for a whole image, see TargetDesc::in_part");
+            return Err(Error::invalid("target", why));
         }
         match (depth, &self.bounds) {
             (Some(depth), Some(bounds)) if self.target.depth => bounds.check_depth(&self.gpu, depth)?,
@@ -416,6 +425,12 @@ impl Plan {
             surfaces.set_view(seen);
         }
         Ok(true)
+    }
+
+    /// Whether its target is a rectangle of a larger image.
+    #[cfg(feature = "capi")]
+    pub(crate) fn is_in_part(&self) -> bool {
+        self.target.part
     }
 
     fn final_image(&self) -> Option<&Arc<Image>> {

@@ -115,7 +115,8 @@ impl RayBounds {
         });
         let push = BoundsPush {
             planes: [[0.0; 4]; PLANES],
-            half_extent: view.half_extent(),
+            sides: view.sides(),
+            corner: depth.map_or(0, |depth| depth.corner[0] | depth.corner[1] << 16),
             kq: f32_of(kq),
             inverse: ends.map(|end| f32_of(unit / end)),
             depths: depths.map(f32_of),
@@ -140,8 +141,18 @@ impl RayBounds {
     pub(crate) fn check_depth(&self, gpu: &Gpu, depth: &DepthImage) -> Result<()> {
         let view = &self.view;
         let invalid = |why: String| Err(Error::invalid("depth image", why));
-        if depth.extent != view.extent() {
-            return invalid(format!("{:?}: must have the view's extent, {:?}", depth.extent, view.extent()));
+        let fits = |axis: usize| {
+            depth.extent[axis] <= View::MAX_SIDE
+                && depth.corner[axis].saturating_add(view.extent()[axis]) <= depth.extent[axis]
+        };
+        let whole = depth.corner == [0; 2] && depth.extent == view.extent();
+        if !(whole || depth.in_part && fits(0) && fits(1)) {
+            return invalid(format!(
+                "{:?} from {:?}: must have the view's extent, {:?}, or room for it at the corner of DepthImage::at",
+                depth.extent,
+                depth.corner,
+                view.extent()
+            ));
         }
         if !DepthImage::FORMATS.contains(&depth.format) {
             return invalid(format!("{:?}: must be one of {:?}", depth.format, DepthImage::FORMATS));

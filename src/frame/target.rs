@@ -11,6 +11,7 @@ use crate::gpu::{
     Attachment, Blend, Buffer, Descriptors, Gpu, GraphicsState, Image, ImageDesc, Pipeline, Recorder,
     TargetImage,
 };
+use crate::interface::CompositePush;
 use crate::scene::View;
 
 /// How the result combines with the existing contents of the target.
@@ -29,13 +30,14 @@ pub struct TargetDesc {
     pub(crate) depth: bool,
     pub(crate) untimed: bool,
     pub(crate) counted: bool,
+    pub(crate) part: bool,
 }
 
 impl TargetDesc {
     /// An image of the plan's own, to be read back.
     #[must_use]
     pub fn own() -> Self {
-        Self { caller: None, depth: false, untimed: false, counted: false }
+        Self { caller: None, depth: false, untimed: false, counted: false, part: false }
     }
 
     /// A colour image of the caller, of the view's extent. Values are premultiplied linear RGBA; an sRGB format encodes them.
@@ -62,6 +64,13 @@ impl TargetDesc {
     #[must_use]
     pub fn with_counts(self) -> Self {
         Self { counted: true, ..self }
+    }
+
+    /// The same target as a rectangle of a larger image, which [`TargetImage::at`](crate::gpu::TargetImage::at) places in each recording. The
+    /// technique then draws into an image of the plan's own, which is composited.
+    #[must_use]
+    pub fn in_part(self) -> Self {
+        Self { part: true, ..self }
     }
 
     pub(crate) fn format(&self) -> Option<vk::Format> {
@@ -160,6 +169,7 @@ pub(crate) struct Layers {
 /// composited over back to front.
 pub(crate) fn draws_directly(target: &Canvas, format: vk::Format, back_to_front: bool) -> bool {
     !target.sampled
+        && !target.target.part
         && target.format() == Some(format)
         && (target.mode() == TargetMode::Clear || back_to_front)
 }
@@ -223,7 +233,7 @@ impl Composite {
             "composite.draw",
             &self.pipeline,
             &self.descriptors,
-            &[],
+            bytemuck::bytes_of(&CompositePush { corner: target.corner.map(u32::cast_signed) }),
             &Attachment::Caller(*target),
             self.clear,
             3,

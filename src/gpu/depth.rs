@@ -101,6 +101,9 @@ pub struct DepthImage {
     pub(crate) view: vk::ImageView,
     pub(crate) format: vk::Format,
     pub(crate) extent: [u32; 2],
+    /// First texel of the view's pixels, and whether others may surround them.
+    pub(crate) corner: [u32; 2],
+    pub(crate) in_part: bool,
     pub(crate) layout: vk::ImageLayout,
     pub(crate) projection: DepthProjection,
     pub(crate) device: vk::Device,
@@ -137,7 +140,15 @@ impl DepthImage {
     ) -> Self {
         debug_assert!(!view.is_null(), "the null view of {}", gpu.report().name);
         let layout = vk::ImageLayout::DEPTH_READ_ONLY_OPTIMAL;
-        Self { view, format, extent, layout, projection, device: gpu.device().handle() }
+        let (corner, in_part, device) = ([0; 2], false, gpu.device().handle());
+        Self { view, format, extent, corner, in_part, layout, projection, device }
+    }
+
+    /// Reads the rectangle of the image that begins at this texel and has the extent of the plan's view, which `projection` maps to the
+    /// rectangle alone.
+    #[must_use]
+    pub fn at(self, corner: [u32; 2]) -> Self {
+        Self { corner, in_part: true, ..self }
     }
 
     /// Sets another layout for sampling, such as `SHADER_READ_ONLY_OPTIMAL`.

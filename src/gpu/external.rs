@@ -114,6 +114,8 @@ pub struct TargetImage {
     pub(crate) view: vk::ImageView,
     pub(crate) format: vk::Format,
     pub(crate) extent: [u32; 2],
+    /// First pixel that is drawn.
+    pub(crate) corner: [u32; 2],
     pub(crate) device: vk::Device,
 }
 
@@ -123,7 +125,8 @@ impl TargetImage {
     /// # Safety
     ///
     /// - `image` and `view` belong to the device of `gpu`; the view is two-dimensional, with one level and
-    ///   one layer, in `format` and of at least `extent`; the image has the usage `COLOR_ATTACHMENT`;
+    ///   one layer, in `format` and of at least `extent`, beyond the corner of [`TargetImage::at`]; the image has one sample a texel and
+    ///   the usage `COLOR_ATTACHMENT`;
     /// - both live until the caller has seen every submission that draws into them end;
     /// - when the recorded commands run, the image is in the layout `COLOR_ATTACHMENT_OPTIMAL` and all
     ///   earlier accesses are available and visible to the colour attachment output stage. The commands
@@ -137,7 +140,14 @@ impl TargetImage {
         extent: [u32; 2],
     ) -> Self {
         debug_assert!(!view.is_null(), "the null view of {}", gpu.report().name);
-        Self { image, view, format, extent, device: gpu.device().handle() }
+        Self { image, view, format, extent, corner: [0; 2], device: gpu.device().handle() }
+    }
+
+    /// Draws into the rectangle of the image that begins at this pixel, from the left and the top, and leaves the rest. The plan is for
+    /// [`TargetDesc::in_part`](crate::TargetDesc::in_part).
+    #[must_use]
+    pub fn at(self, corner: [u32; 2]) -> Self {
+        Self { corner, ..self }
     }
 
     /// Wraps an image of the crate like one of a caller. The code that records into it keeps it until the submission has ended.
@@ -148,6 +158,7 @@ impl TargetImage {
             view: image.view,
             format: image.desc().format,
             extent: [width, height],
+            corner: [0; 2],
             device: gpu.device().handle(),
         }
     }

@@ -92,8 +92,12 @@ impl Gpu {
         target: Option<&(Attachment, bool)>,
     ) {
         let device = self.device();
-        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let [x, y] = target.map_or([0; 2], |(target, _)| target.corner());
+        let offset = vk::Offset2D { x: x.cast_signed(), y: y.cast_signed() };
+        let area = vk::Rect2D { offset, extent: vk::Extent2D { width, height } };
         let viewport = vk::Viewport {
+            x: pixels(x),
+            y: pixels(y),
             width: pixels(width),
             height: pixels(height),
             max_depth: 1.0,

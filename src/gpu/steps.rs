@@ -78,6 +78,14 @@ impl Attachment {
             Self::Caller(target) => target.extent,
         }
     }
+
+    /// Returns the first pixel that is drawn.
+    pub(super) fn corner(&self) -> [u32; 2] {
+        match self {
+            Self::Own(_) => [0; 2],
+            Self::Caller(target) => target.corner,
+        }
+    }
 }
 
 /// The workgroups of a dispatch.

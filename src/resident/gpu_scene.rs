@@ -122,7 +122,8 @@ impl GpuScene {
     ///
     /// [`Error::Invalid`] if the scene holds no mesh, or as [`Tets::with_scalars`].
     pub fn with_scalars(&self, scalars: TetScalars, transfer: TransferFunction) -> Result<Arc<Self>> {
-        let mesh = self.mesh()?.clone().with_scalars(scalars)?;
+        let Some(mesh) = self.scene.mesh() else { return Err(self.not_held("with_scalars", "a mesh")) };
+        let mesh = mesh.clone().with_scalars(scalars)?;
         let scene = Scene { data: mesh.into(), transfer, ..self.scene.clone() };
         let mesh = Arc::new(self.mesh.with_other_scalars());
         let surfaces = self.surfaces.clone();
@@ -136,7 +137,8 @@ impl GpuScene {
     ///
     /// As [`Grid::with_samples`]; [`Error::Invalid`] where the scene holds no grid.
     pub fn with_samples(&self, samples: Samples) -> Result<Arc<Self>> {
-        self.with_data(self.grid()?.with_samples(samples)?)
+        let Some(grid) = self.scene.grid() else { return Err(self.not_held("with_samples", "a grid")) };
+        self.with_data(grid.with_samples(samples)?)
     }
 
     /// Returns the same scene with other data, such as the next step of a time series; uploads nothing yet.
@@ -379,6 +381,13 @@ impl GpuScene {
     /// [`Error::Invalid`] where the scene holds something else.
     pub(crate) fn mesh(&self) -> Result<&Tets> {
         self.scene.mesh().ok_or_else(|| self.not_drawn("meshes"))
+    }
+
+    fn not_held(&self, call: &str, what: &str) -> Error {
+        Error::invalid(
+            call,
+            format!("takes the scene of {what}: this one holds a {}", self.scene.data.kind()),
+        )
     }
 
     fn not_drawn(&self, what: &str) -> Error {

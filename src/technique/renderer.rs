@@ -55,10 +55,11 @@ impl Renderer {
             let name = format!("{format:?}");
             let integer = name.ends_with("_UINT") || name.ends_with("_SINT");
             if integer || !gpu.image_features(format).contains(needed) {
-                return Err(Error::unsupported(
-                    format!("target of format {format:?}"),
-                    format!("{needed:?}"),
-                ));
+                let blending = if target.mode() == TargetMode::Over { " with blending" } else { "" };
+                let missing = format!(
+                    "a colour attachment{blending} that holds fractions: R8G8B8A8_UNORM, B8G8R8A8_SRGB and R16G16B16A16_SFLOAT are ones on every device"
+                );
+                return Err(Error::unsupported(format!("target of format {format:?}"), missing));
             }
         }
         let surfaces = self.scene.surfaces()?;

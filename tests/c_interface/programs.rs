@@ -164,10 +164,10 @@ fn structures_lie_in_memory_as_c_has_them() {
         vr_scene_info: struct_size, low, high, range, data_kind, dims;
         vr_clip_plane: point, normal;
         vr_view: struct_size, eye, target, up, projection, width, height, clip_plane_count, fov_y_deg, half_height,
-            clip_planes, crop_low, crop_high;
-        vr_plan_info: struct_size, technique, format, mode, with_depth, reserved;
-        vr_depth_image: struct_size, view, format, layout, extent, kind, at_zero, at_one, matrix;
-        vr_record_info: struct_size, commands, image, view, format, extent, depth;
+            clip_planes, crop_low, crop_high, view_matrix, projection_matrix;
+        vr_plan_info: struct_size, technique, format, mode, with_depth, in_part;
+        vr_depth_image: struct_size, view, format, layout, extent, kind, at_zero, at_one, matrix, corner;
+        vr_record_info: struct_size, commands, image, view, format, extent, depth, corner;
         vr_pass_time: name, ms;
         vr_counter: name, value;
         vr_status: struct_size, complete, pass_count, passes, counters, counter_count;

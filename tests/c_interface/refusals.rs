@@ -157,7 +157,12 @@ fn wrong_arguments_are_refused() {
         |info: vr_plan_info, plan: &mut *mut vr_plan| unsafe { vr_plan_create(scene, &info, &view, plan) };
     refused(create(vr_plan_info { mode: 0, ..plan_info }, &mut plan), INVALID, "mode: 0");
     assert!(plan.is_null());
-    refused(create(vr_plan_info { reserved: 9, ..plan_info }, &mut plan), INVALID, "reserved: 9");
+    refused(create(vr_plan_info { in_part: 9, ..plan_info }, &mut plan), INVALID, "in_part: 9");
+    refused(create(vr_plan_info { with_depth: 7, ..plan_info }, &mut plan), INVALID, "with_depth: 7");
+    let twice = vr_plan_info { technique: c"slabs:step=0.5,step=1".as_ptr(), ..plan_info };
+    refused(create(twice, &mut plan), INVALID, "slabs option step: is given twice");
+    let unusable = vr_plan_info { format: vk::Format::R8G8B8A8_UINT, ..plan_info };
+    refused(create(unusable, &mut plan), vr_result::VR_ERROR_UNSUPPORTED, "R8G8B8A8_UNORM");
     let depth_format = vr_plan_info { format: vk::Format::D16_UNORM, ..plan_info };
     refused(create(depth_format, &mut plan), vr_result::VR_ERROR_UNSUPPORTED, "D16_UNORM");
     done(create(plan_info, &mut plan));

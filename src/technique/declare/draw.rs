@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
 use crate::frame::upsampling::Drawn;
@@ -116,8 +116,12 @@ pub(crate) trait Draw: TechniqueOptions {
 /// Reads `key`, `value` pairs.
 pub(crate) fn parse<T: TechniqueOptions>(pairs: &[(String, String)]) -> Result<T> {
     let mut options = T::default();
-    for (key, text) in pairs {
-        declare::set(&mut options, T::NAME, T::key(key, text), text)?;
+    for (i, (key, text)) in pairs.iter().enumerate() {
+        let known = T::key(key, text);
+        if pairs[..i].iter().any(|(key, text)| T::key(key, text) == known) {
+            return Err(Error::invalid(format!("{} option {key}", T::NAME), "is given twice"));
+        }
+        declare::set(&mut options, T::NAME, known, text)?;
     }
     check(&options)?;
     Ok(options)
