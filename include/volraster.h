@@ -213,6 +213,15 @@ typedef enum vr_projection {
      * Rays are parallel, and also show what lies behind the eye.
      */
     VR_PROJECTION_ORTHOGRAPHIC = 2,
+    /**
+     * view_matrix and projection_matrix map to clip coordinates whose y = 1 is the image's lowest row, as Vulkan has it. eye, target,
+     * up, fov_y_deg and half_height are ignored.
+     */
+    VR_PROJECTION_MATRICES_Y_DOWN = 3,
+    /**
+     * The same with y = 1 at the image's top row, as in OpenGL, Direct3D, Metal and WebGPU.
+     */
+    VR_PROJECTION_MATRICES_Y_UP = 4,
 } vr_projection;
 
 /**
@@ -669,7 +678,7 @@ typedef struct vr_clip_plane {
 } vr_clip_plane;
 
 /**
- * A camera, the size of its image, and the clipping of the volume. Pixels are square; row 0 is on top.
+ * A camera, the size of its image, and the clipping of the volume. Row 0 is on top. Pixels are square, but for matrices.
  */
 typedef struct vr_view {
     /**
@@ -725,6 +734,16 @@ typedef struct vr_view {
      * Greatest corner of the crop box; infinity leaves a side open.
      */
     double crop_high[3];
+    /**
+     * Matrix from world to view coordinates, column by column; times a model matrix of the volume where it has one: lengths and
+     * extinctions stay those of the scene. A parallel projection looks along -z of view coordinates, a perspective one along -z or +z.
+     */
+    double view_matrix[16];
+    /**
+     * Matrix from view to clip coordinates, column by column. It may be off-centre, jittered, and have any depths, reversed and infinite
+     * ones too.
+     */
+    double projection_matrix[16];
 } vr_view;
 
 /**
@@ -870,9 +889,9 @@ typedef struct vr_plan_info {
      */
     VkBool32 with_depth;
     /**
-     * 0.
+     * Whether the target is a rectangle of a larger image, placed by vr_record_info::corner.
      */
-    uint32_t reserved;
+    VkBool32 in_part;
 } vr_plan_info;
 
 /**
@@ -898,7 +917,8 @@ typedef struct vr_depth_image {
      */
     VkImageLayout layout;
     /**
-     * Size of the image, equal to that of the plan's view.
+     * Size of the image, equal to that of the plan's view. Of a plan with in_part it may be larger, and the plan reads the rectangle at
+     * `corner`.
      */
     VkExtent2D extent;
     /**
@@ -918,6 +938,10 @@ typedef struct vr_depth_image {
      * Matrix from view coordinates to clip coordinates with depths from 0 to 1, column by column.
      */
     double matrix[16];
+    /**
+     * First texel of the rectangle, from the left and the top.
+     */
+    uint32_t corner[2];
 } vr_depth_image;
 
 /**
@@ -947,13 +971,17 @@ typedef struct vr_record_info {
      */
     VkFormat format;
     /**
-     * Size of the image, equal to that of the plan's view.
+     * Size of the image, or of its rectangle at `corner`, equal to that of the plan's view.
      */
     VkExtent2D extent;
     /**
      * Depth image; NULL if the plan is without depth.
      */
     const struct vr_depth_image *depth;
+    /**
+     * First pixel of the rectangle, from the left and the top, for plans with in_part; else 0.
+     */
+    uint32_t corner[2];
 } vr_record_info;
 
 /**
@@ -1557,4 +1585,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: c05b88ebc818f706 */
+/* Checksum of the sources: 5dae95f357ff5953 */

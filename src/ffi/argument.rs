@@ -239,7 +239,7 @@ mod tests {
         assert_eq!(read(&new).unwrap(), Old { struct_size: NEW, a: 1, b: 2 });
         new.c = 1 << 63;
         let error = read(&new).unwrap_err();
-        assert!(matches!(error, Error::Unsupported { .. }) && error.to_string().contains("newer"), "{error}");
+        assert!(matches!(error, Error::Invalid { .. }) && error.to_string().contains("newer"), "{error}");
     }
 
     #[test]

@@ -73,7 +73,11 @@ fn image_of(
 }
 
 /// A buffer that the host sees, with its memory.
-fn host_buffer(handles: &Handles, size: u64, usage: vk::BufferUsageFlags) -> (vk::Buffer, vk::DeviceMemory) {
+pub fn host_buffer(
+    handles: &Handles,
+    size: u64,
+    usage: vk::BufferUsageFlags,
+) -> (vk::Buffer, vk::DeviceMemory) {
     let device = &handles.device;
     let info = vk::BufferCreateInfo::default().size(size).usage(usage);
     // SAFETY: not empty.
@@ -83,6 +87,17 @@ fn host_buffer(handles: &Handles, size: u64, usage: vk::BufferUsageFlags) -> (vk
     // SAFETY: fresh buffer and memory of its size.
     unsafe { device.bind_buffer_memory(buffer, memory, 0) }.unwrap();
     (buffer, memory)
+}
+
+/// Fills host-visible memory that nothing on the device uses.
+pub fn write(device: &volraster::ash::Device, memory: vk::DeviceMemory, bytes: &[u8]) {
+    let flags = vk::MemoryMapFlags::empty();
+    // SAFETY: host-visible, not mapped.
+    let pointer = unsafe { device.map_memory(memory, 0, vk::WHOLE_SIZE, flags) }.unwrap();
+    // SAFETY: mapped for at least this many bytes; coherent.
+    unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), pointer.cast::<u8>(), bytes.len()) };
+    // SAFETY: mapped above.
+    unsafe { device.unmap_memory(memory) };
 }
 
 fn range_of(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
@@ -312,7 +327,7 @@ impl Drop for Caller {
 /// A depth image of the caller, filled from the host.
 pub struct Depth {
     device: volraster::ash::Device,
-    image: vk::Image,
+    pub image: vk::Image,
     image_memory: vk::DeviceMemory,
     pub view: vk::ImageView,
     buffer: vk::Buffer,
@@ -351,13 +366,7 @@ impl Depth {
         let (image, image_memory, view) =
             image_of(&handles, format, extent, usage, vk::ImageAspectFlags::DEPTH);
         let (buffer, buffer_memory) = host_buffer(&handles, size, vk::BufferUsageFlags::TRANSFER_SRC);
-        // SAFETY: host-visible, not mapped.
-        let pointer =
-            unsafe { device.map_memory(buffer_memory, 0, size, vk::MemoryMapFlags::empty()) }.unwrap();
-        // SAFETY: mapped for this many bytes; coherent.
-        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), pointer.cast::<u8>(), bytes.len()) };
-        // SAFETY: mapped above.
-        unsafe { device.unmap_memory(buffer_memory) };
+        write(&device, buffer_memory, &bytes);
         Some(Self { device, image, image_memory, view, buffer, buffer_memory, format, extent })
     }
 
