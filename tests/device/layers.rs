@@ -10,6 +10,7 @@
 use crate::common::caller::{Depth, draw_before};
 use crate::common::cut::{self, Case, OWN, views};
 use crate::common::*;
+use crate::off_centre::off_centre;
 use glam::DVec3;
 use volraster::ash::vk;
 use volraster::gpu::{DepthProjection, Gpu, OptionalFeature};
@@ -95,7 +96,10 @@ fn check(surfaces: &[Surface], translucent: bool, clip: Clip) {
     for (name, plain, specs) in scenes(&gpu) {
         let scene = plain.clone().with_surfaces(surfaces.to_vec());
         let on_device = GpuScene::new(&gpu, scene.clone());
-        for (i, view) in taken(2, views().map(|view| view.with_clip(clip)).into_iter().enumerate()) {
+        let off_centre =
+            off_centre().into_iter().map(|(_, view, ..)| view).take(if exhaustive() { 9 } else { 1 });
+        let views = taken(2, views()).into_iter().chain(off_centre).map(|view| view.with_clip(clip));
+        for (i, view) in views.enumerate() {
             let truth = truth(&scene, &view);
             for (spec, bound) in &specs {
                 if translucent && !cuts(spec) {

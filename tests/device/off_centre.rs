@@ -52,7 +52,7 @@ fn flipped(matrix: DMat4) -> DMat4 {
 }
 
 /// Views with the matrices that made them, y up, and the centred view of the same camera.
-fn off_centre() -> Vec<(&'static str, View, View, [DMat4; 2])> {
+pub(crate) fn off_centre() -> Vec<(&'static str, View, View, [DMat4; 2])> {
     let [outside, aside, inside] = views();
     let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
     let made = |name, centred: View, projection: DMat4, first: DMat4| {
@@ -142,9 +142,18 @@ fn matrices_of_a_camera_are_its_view() {
 #[test]
 fn every_technique_draws_views_off_the_centre() {
     let gpu = gpu();
-    for (name, scene, specs) in taken(3, scenes(&gpu)) {
+    // Ranks that the host finds, and those by distances, whose cells are not mended.
+    let ranks = ["rank=mpvo,repair=none", "rank=centroid,repair=none"];
+    let ranks = ranks.map(|options| (format!("projected-tets:integrator=exact,{options}"), 1e-6));
+    for (name, scene, mut specs) in scenes(&gpu) {
+        if name == "mesh" {
+            specs.extend(ranks.clone());
+        }
         let on_device = GpuScene::new(&gpu, scene.clone());
-        for (kind, view, centred, [_, projection]) in taken(4, off_centre()) {
+        let views = off_centre().into_iter();
+        let taken =
+            views.filter(|(kind, ..)| exhaustive() || ["beside", "mirrored", "inside"].contains(kind));
+        for (kind, view, centred, [_, projection]) in taken {
             // A wall at the depth of the data's middle, in a part of the image.
             let behind = -view.camera().eye.dot(view.forward());
             let wall = |p: DVec2| if p.x < 22.0 { behind.max(0.0) + 0.2 } else { f64::INFINITY };
