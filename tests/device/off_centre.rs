@@ -10,7 +10,7 @@ use crate::common::cut::{self, OWN, views};
 use crate::common::*;
 use glam::{DMat4, DVec2, DVec3, DVec4};
 use volraster::ash::vk;
-use volraster::gpu::{DepthImage, DepthProjection, TargetImage};
+use volraster::gpu::{DepthImage, DepthProjection, OptionalFeature, TargetImage};
 use volraster::measure::ImageErrors;
 use volraster::reference::ReferenceImage;
 use volraster::scene::{Camera, ClipY, Field, Lighting, Mode, Projection, Scene, SplatRule, View};
@@ -216,6 +216,42 @@ fn every_technique_draws_views_off_the_centre() {
                         "{name} {kind}, {what}, {spec}: {:.1e} of {bound:.1e}",
                         errors.rmse
                     );
+                }
+            }
+        }
+    }
+}
+
+/// A mirrored view draws the mirrored image, and knows on which side of a face there is a cell: else pixels would be drawn again as if
+/// cells overlapped there, right but slowly.
+#[test]
+fn a_mirrored_view_of_a_mesh_needs_no_repair() {
+    let gpu = gpu();
+    let camera = *views()[0].camera();
+    let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+    let [plain, mirrored] = [DMat4::IDENTITY, mirror].map(|first| {
+        let matrices = (first * look(camera), frustum([-0.6, 0.6, -0.45, 0.45]));
+        View::from_matrices(matrices.0, matrices.1, ClipY::Up, SIZE[0], SIZE[1]).unwrap()
+    });
+    let mut routes = vec!["havs", "abuffer", "projected-tets"];
+    if gpu.has(OptionalFeature::OrderedStores) {
+        routes.push("havs:route=implementation-ordered");
+    }
+    for scene in [cut::mesh(), cut::cells()] {
+        let on_device = GpuScene::new(&gpu, scene);
+        for spec in &routes {
+            let [(image, overlaps), (other, mirrored)] = [&plain, &mirrored].map(|view| {
+                let mut frames = Renderer::new(&on_device, technique(spec)).frames(view).unwrap();
+                let time = frames.draw(view).unwrap();
+                let overlaps = time.counters.iter().find(|(name, _)| *name == "overlap_pixels");
+                (frames.read_back().unwrap(), overlaps.map(|(_, count)| *count))
+            });
+            assert_eq!(mirrored, overlaps, "{spec}");
+            for y in 0..SIZE[1] {
+                for x in 0..SIZE[0] {
+                    let (a, b) = (image.pixel(x, y), other.pixel(SIZE[0] - 1 - x, y));
+                    let far = (0..4).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);
+                    assert!(far < 1e-4, "{spec} {x} {y}: {a:?} {b:?}");
                 }
             }
         }
