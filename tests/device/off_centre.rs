@@ -13,7 +13,7 @@ use volraster::ash::vk;
 use volraster::gpu::{DepthImage, DepthProjection, OptionalFeature, TargetImage};
 use volraster::measure::ImageErrors;
 use volraster::reference::ReferenceImage;
-use volraster::scene::{Camera, ClipY, Field, Lighting, Mode, Projection, Scene, SplatRule, View};
+use volraster::scene::{Camera, ClipY, Field, Lighting, Mode, Projection, Scene, SplatRule, Tets, View};
 use volraster::technique::Renderer;
 use volraster::{Error, GpuScene, Image, Plan, TargetDesc, TargetMode};
 
@@ -145,8 +145,13 @@ fn every_technique_draws_views_off_the_centre() {
     // Ranks that the host finds, and those by distances, whose cells are not mended.
     let ranks = ["rank=mpvo,repair=none", "rank=centroid,repair=none"];
     let ranks = ranks.map(|options| (format!("projected-tets:integrator=exact,{options}"), 1e-6));
-    for (name, scene, mut specs) in scenes(&gpu) {
-        if name == "mesh" {
+    // A mesh without every third cell: rays leave it and enter it again.
+    let whole = Field::Blobs.tets(5).unwrap();
+    let kept = whole.cells().iter().enumerate().filter(|(i, _)| i % 3 != 0).map(|(_, cell)| *cell);
+    let (tets, _) = Tets::new(whole.points().to_vec(), kept.collect(), whole.scalars().clone()).unwrap();
+    let holes = ("holes", Scene::new(tets, cut::fog()), vec![("havs:integrator=exact".to_string(), 1e-6)]);
+    for (name, scene, mut specs) in scenes(&gpu).into_iter().chain([holes]) {
+        if ["mesh", "holes"].contains(&name) {
             specs.extend(ranks.clone());
         }
         let on_device = GpuScene::new(&gpu, scene.clone());
