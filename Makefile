@@ -6,7 +6,7 @@ CARGO ?= cargo
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build capi header demo view test-window captures pictures test test-all bench clean distclean
+.PHONY: help setup setup-tests build capi install header demo view test-window captures pictures test test-all bench clean distclean
 
 help: ## This list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -24,6 +24,9 @@ build: setup ## Build the library and the program, optimised
 capi: setup ## Build the libraries for C, dynamic and static, optimised
 	$(CARGO) build --release -p volraster-capi $(ARGS)
 	$(CARGO) rustc --release -p volraster-capi --crate-type staticlib $(ARGS)
+
+install: setup ## Install the libraries for C with header, pkg-config and CMake files (PREFIX=/usr/local, DESTDIR=)
+	@PREFIX="$(PREFIX)" DESTDIR="$(DESTDIR)" tools/install.sh
 
 header: ## Write include/volraster.h anew
 	$(CARGO) run -q -p volraster-header >include/volraster.h.new

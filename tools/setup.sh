@@ -2,7 +2,7 @@
 # Makes a fresh Debian or Ubuntu machine able to build and run volraster:
 #
 #     tools/setup.sh            what building and running need
-#     tools/setup.sh --tests    the validation layers and Vulkan's C headers too
+#     tools/setup.sh --tests    the validation layers, Vulkan's C headers, CMake and pkg-config too
 #     tools/setup.sh --window   what a window needs at run time, too; with --tests a display without a screen
 #
 # It installs only what is missing, and does nothing (in well under a second) when all is there.
@@ -63,12 +63,14 @@ why() {
     libvulkan1) echo "the Vulkan loader" ;;
     mesa-vulkan-drivers) echo "Mesa's drivers, among them lavapipe, which needs no GPU" ;;
     libvulkan-dev) echo "Vulkan's C headers, for the C example that the tests build" ;;
+    pkgconf) echo "pkg-config, by which a test finds the installed libraries" ;;
     vulkan-validationlayers) echo "the validation layers, which every test runs under" ;;
     libxcursor1 | libxi6 | libxkbcommon-x11-0 | libx11-xcb1) echo "the window on X11" ;;
     libwayland-client0 | libxkbcommon0) echo "the window on Wayland" ;;
     gfxreconstruct) echo "captures, of which the tests make one" ;;
     xvfb) echo "a display without a screen, for tests of the window" ;;
-    cmake | git | python3 | ninja-build) echo "building the shader compiler from source" ;;
+    cmake) echo "building the C++ example, and the shader compiler where it is built from source" ;;
+    git | python3 | ninja-build) echo "building the shader compiler from source" ;;
     *) echo "needed" ;;
     esac
 }
@@ -124,7 +126,7 @@ install() { # packages, all of them missing
 
 # What the program and the tests need at run time, and the compilers: nothing replaces these.
 required=(make g++ binutils spirv-tools libvulkan1 mesa-vulkan-drivers)
-if $with_tests; then required+=(vulkan-validationlayers libvulkan-dev); fi
+if $with_tests; then required+=(vulkan-validationlayers libvulkan-dev cmake pkgconf); fi
 if $with_window; then
     required+=(libxcursor1 libxi6 libxkbcommon-x11-0 libx11-xcb1 libwayland-client0 libxkbcommon0)
     if $with_tests; then required+=(xvfb); fi

@@ -190,11 +190,11 @@ fn wrong_arguments_are_refused() {
         (vr_record_info { image: vk::Image::null(), ..target }, "image"),
         (vr_record_info { view: vk::ImageView::null(), ..target }, "view"),
         (vr_record_info { format: vk::Format::R8G8B8A8_UNORM, ..target }, "R8G8B8A8_UNORM"),
-        (vr_record_info { extent: vk::Extent2D { width: 40, height: 31 }, ..target }, "[40, 31]"),
+        (vr_record_info { extent: vk::Extent2D { width: 40, height: 31 }, ..target }, "40x31"),
         (vr_record_info { depth: &depth, ..target }, "depth"),
         (vr_record_info { depth: &vr_depth_image { at_one: 1.0, ..depth }, ..target }, "different"),
         (vr_record_info { depth: &vr_depth_image { kind: 4, ..depth }, ..target }, "kind: 4"),
-        (vr_record_info { depth: &vr_depth_image { kind: 3, ..depth }, ..target }, "centre"),
+        (vr_record_info { depth: &vr_depth_image { kind: 3, ..depth }, ..target }, "of its own"),
         (
             vr_record_info { depth: &vr_depth_image { view: vk::ImageView::null(), ..depth }, ..target },
             "NULL_HANDLE",

@@ -702,7 +702,12 @@ fn smooth_scenes_converge_at_second_order() {
         let view = view(projection, 1.0, 64, 56);
         for spec in specs(&gpu).into_iter().filter(|spec| by_pixel(spec)) {
             let steps = [0.1, 0.05, 0.025, 0.0125, 0.00625];
-            let spec = if spec.contains("full") { format!("{spec},table=1024") } else { spec };
+            let spec = match spec.split_once("table=") {
+                Some((before, after)) => {
+                    format!("{before}table=1024{}", after.trim_start_matches(|c: char| c.is_ascii_digit()))
+                }
+                None => spec,
+            };
             let orders = orders(&|_| true, &scene, &view, &gpu_scene, &spec, &steps);
             println!("{projection:?} {spec}: {orders:.3?}");
             for order in orders {

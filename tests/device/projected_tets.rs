@@ -207,7 +207,8 @@ fn cells_of_every_class_are_what_rays_meet() {
         let view = View::new(Camera { eye, target: centre, up, projection }, 801, 797).unwrap();
         let truth = truth(&scene, &view);
         for spec in exact_specs(&gpu) {
-            let (image, _) = frame(&on_gpu, &view, &format!("{spec},rank=centroid"));
+            let (image, _) =
+                frame(&on_gpu, &view, &format!("{},rank=centroid", spec.replace("rank=mpvo,", "")));
             let off = |(a, b): (&[f32; 4], &[f64; 4])| (0..4).any(|c| (f64::from(a[c]) - b[c]).abs() > 2e-4);
             let wrong = image.pixels().iter().zip(truth.pixels()).filter(|&pair| off(pair)).count();
             let covered = truth.pixels().iter().filter(|pixel| pixel[3] > 0.0).count();
