@@ -1585,4 +1585,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 0b907fde88fc8133 */
+/* Checksum of the sources: cf95b4c8c2ce5598 */

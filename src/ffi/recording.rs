@@ -251,7 +251,8 @@ pub unsafe extern "C" fn vr_plan_record(
         let extent = [info.extent.width, info.extent.height];
         // SAFETY: the caller's promise.
         let target = unsafe { TargetImage::from_raw(&plan.gpu, info.image, info.view, info.format, extent) };
-        let target = target.at(info.corner);
+        // SAFETY: the caller's promise.
+        let target = unsafe { target.at(info.corner) };
         let recorded = plan.record(&mut commands, Some(&target), depth.as_ref())?;
         Ok(vr_recording { state: Mutex::new(State::Pending(Box::new(recorded))) })
     })

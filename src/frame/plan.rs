@@ -335,6 +335,14 @@ impl Plan {
             let why = format!("begins at {corner:?}: the plan is for a whole image, see TargetDesc::in_part");
             return Err(Error::invalid("target", why));
         }
+        let reaches = |target: &TargetImage, axis: usize| {
+            target.corner[axis].saturating_add(self.extent[axis]) > View::MAX_SIDE
+        };
+        if let Some(target) = target.filter(|target| reaches(target, 0) || reaches(target, 1)) {
+            let why =
+                format!("its rectangle from {:?} on reaches beyond {} pixels", target.corner, View::MAX_SIDE);
+            return Err(Error::invalid("target", why));
+        }
         match (depth, &self.bounds) {
             (Some(depth), Some(bounds)) if self.target.depth => bounds.check_depth(&self.gpu, depth)?,
             (Some(_), _) => {

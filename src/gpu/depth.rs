@@ -54,6 +54,25 @@ impl DepthProjection {
         Ok(Self { at_zero, at_one, perspective: false, image: None })
     }
 
+    /// Returns the projection in another unit of length: that of a scene whose model matrix scales by `unit`, and whose depths are `unit`
+    /// times smaller than those of this projection.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] unless `unit` is positive and finite.
+    pub fn in_unit(self, unit: f64) -> Result<Self> {
+        if !(unit > 0.0 && unit.is_finite()) {
+            return Err(Error::invalid(
+                "depth projection's unit",
+                format!("{unit}: must be positive and finite"),
+            ));
+        }
+        // Parallel rays have as many pixels in a unit.
+        let scales = if self.perspective { 1.0 } else { unit };
+        let image = self.image.map(|(scale, middle)| (scale.map(|scale| scale * scales), middle));
+        Ok(Self { at_zero: self.at_zero / unit, at_one: self.at_one / unit, image, ..self })
+    }
+
     /// Makes a projection from a matrix that maps view coordinates to clip coordinates with depths from 0 to 1, such as
     /// [`glam::dcamera::rh::proj::vulkan::perspective_infinite_reverse`].
     ///
@@ -74,7 +93,7 @@ impl DepthProjection {
             return wrong("must have x and y of its own, and a depth that does not change with them");
         }
         let scale = [x.x.abs(), y.y.abs()];
-        // x and y may point either way in clip coordinates.
+        // y may point either way in clip coordinates.
         let middle = |per_depth: f64| [x.z * x.x.signum() / per_depth, y.z * y.y.signum() / per_depth];
         if w.z != 0.0 && w.w == 0.0 {
             // Clip z = z.z v + z.w, w = w.z v, and the depth is |v|: stored = z.z / w.z + z.w / |w.z| / depth.

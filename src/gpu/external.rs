@@ -145,8 +145,12 @@ impl TargetImage {
 
     /// Draws into the rectangle of the image that begins at this pixel, from the left and the top, and leaves the rest. The plan is for
     /// [`TargetDesc::in_part`](crate::TargetDesc::in_part).
+    ///
+    /// # Safety
+    ///
+    /// The view is of at least `corner` and the extent together.
     #[must_use]
-    pub fn at(self, corner: [u32; 2]) -> Self {
+    pub unsafe fn at(self, corner: [u32; 2]) -> Self {
         Self { corner, ..self }
     }
 

@@ -188,6 +188,11 @@ impl View {
         let (Some(right), Some(up)) = (aside(across).try_normalize(), aside(upward).try_normalize()) else {
             return wrong("they map no image: x or y does not change across the view");
         };
+        // Of parallel rays, which run along the axes of neither x nor y.
+        let leans = |row: DVec4| row.truncate().dot(forward).abs() > 1e-5 * row.truncate().length();
+        if !perspective && (leans(across) || leans(upward)) {
+            return wrong("the rays of a parallel projection must run along the view's z axis");
+        }
         if right.dot(up).abs() > 1e-5 {
             return wrong("they skew the image: its rows and columns must be perpendicular in the world");
         }
@@ -214,22 +219,30 @@ impl View {
         } else {
             Projection::Orthographic { half_height: half[1] }
         };
+        check_sides([width, height])?;
         let camera = Camera { eye, target: eye + forward, up, projection };
-        let plain = Self::new(camera, width, height)?;
-        let mirrors = plain.right.dot(right) < 0.0;
+        // Exactly at right angles.
+        let plain = forward.cross(up).normalize();
+        let mirrors = plain.dot(right) < 0.0;
         let scale = half[1] / (0.5 * f64::from(height));
         let aspect = half[0] / (0.5 * f64::from(width)) / scale;
         let [x, y] = skew;
         Ok(Self {
+            camera,
+            extent: [width, height],
+            right: plain,
+            up: plain.cross(forward),
+            forward,
             scale,
             aspect: if mirrors { -aspect } else { aspect },
-            skew: DVec2::new(if mirrors { -x } else { x }, y) * flip,
-            ..plain
+            skew: DVec2::new(if mirrors { -x } else { x }, y),
+            clip: Clip::none(),
         })
     }
 
     /// Returns the view of a rectangle of the image, `corner` its left and top pixel: one tile of an image that is drawn in parts, which
-    /// joins its neighbours pixel by pixel. It may reach beyond the image.
+    /// joins its neighbours pixel by pixel. It may reach beyond the image. Of trained splats the rules `inria` and `antialiased` depend on the
+    /// image's edges, and so on those of the part.
     ///
     /// # Errors
     ///
@@ -249,8 +262,9 @@ impl View {
     ///
     /// [`Error::Invalid`] if an offset is not finite.
     pub fn offset(&self, pixels: DVec2) -> Result<Self> {
-        if pixels.is_finite() {
-            return Ok(self.moved(-pixels));
+        let moved = self.moved(-pixels);
+        if moved.skew.is_finite() && moved.camera.eye.is_finite() {
+            return Ok(moved);
         }
         Err(Error::invalid("view offset", format!("{pixels}: must be finite")))
     }

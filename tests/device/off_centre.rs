@@ -130,9 +130,14 @@ fn matrices_of_a_camera_are_its_view() {
             View::from_matrices(world, projection, ClipY::Up, 40, 30).unwrap_err().to_string()
         };
         assert!(why(world * f64::NAN, projection).contains("finite"));
+        // Parallel rays that run aslant to the view's axis; a perspective is off the centre by the same change.
+        let mut aslant = projection;
+        aslant.z_axis.x = 0.5;
+        assert_eq!(View::from_matrices(world, aslant, ClipY::Up, 40, 30).is_ok(), view.is_perspective());
         assert!(why(world, DMat4::ZERO).contains("no image"));
         assert!(why(DMat4::from_scale(DVec3::new(1.0, 0.0, 1.0)) * world, projection).contains("no image"));
-        assert!(why(world * DMat4::from_scale(DVec3::new(1.0, 3.0, 5.0)), projection).contains("skew"));
+        let skewed = why(world * DMat4::from_scale(DVec3::new(1.0, 3.0, 5.0)), projection);
+        assert!(skewed.contains(if view.is_perspective() { "skew" } else { "z axis" }), "{skewed}");
         let sides = View::from_matrices(world, projection, ClipY::Up, 0, 30).unwrap_err().to_string();
         assert!(sides.contains("width"), "{sides}");
     }
@@ -156,8 +161,8 @@ fn every_technique_draws_views_off_the_centre() {
         }
         let on_device = GpuScene::new(&gpu, scene.clone());
         let views = off_centre().into_iter();
-        let taken =
-            views.filter(|(kind, ..)| exhaustive() || ["beside", "mirrored", "inside"].contains(kind));
+        let taken = views
+            .filter(|(kind, ..)| exhaustive() || ["beside", "mirrored", "parallel", "inside"].contains(kind));
         for (kind, view, centred, [_, projection]) in taken {
             // A wall at the depth of the data's middle, in a part of the image.
             let behind = -view.camera().eye.dot(view.forward());
@@ -263,6 +268,45 @@ fn a_mirrored_view_of_a_mesh_needs_no_repair() {
     }
 }
 
+/// Fans in space serve every view from an eye, but not the mirrored one, and cut depths are in the scene's unit.
+#[test]
+fn plans_turn_to_mirrored_views() {
+    let gpu = gpu();
+    let on_device = GpuScene::new(&gpu, cut::mesh());
+    let plain = views()[0];
+    let mirror = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0)) * look(*plain.camera());
+    let frustum = frustum([-0.6, 0.6, -0.45, 0.45]);
+    let mirrored = View::from_matrices(mirror, frustum, ClipY::Up, SIZE[0], SIZE[1]).unwrap();
+    for spec in ["projected-tets:plane=space,integrator=exact", "projected-tets:rank=mpvo", "havs"] {
+        let renderer = Renderer::new(&on_device, technique(spec));
+        let mut frames = renderer.frames(&plain).unwrap();
+        for view in [&plain, &mirrored, &plain] {
+            frames.draw(view).unwrap();
+            let got = frames.read_back().unwrap();
+            let want = renderer.render(view).unwrap();
+            let far =
+                got.pixels().iter().zip(want.pixels()).map(|(a, b)| (a[3] - b[3]).abs()).fold(0.0, f32::max);
+            assert!(far < 1e-5 && want.pixels().iter().any(|p| p[3] > 0.1), "{spec}: {far}");
+        }
+    }
+    // In a model of ten times the size the engine's depths are ten of the scene's.
+    let scene = scene(Field::Blobs, 12, "f32", &FOG);
+    let on_device = GpuScene::new(&gpu, scene.clone());
+    let model = DMat4::from_scale(DVec3::splat(10.0));
+    let view =
+        View::from_matrices(look(*plain.camera()) * model, frustum, ClipY::Up, SIZE[0], SIZE[1]).unwrap();
+    let behind = -view.camera().eye.dot(view.forward());
+    let image =
+        Depth::new(&gpu, vk::Format::D32_SFLOAT, SIZE, &[(0.1 / (10.0 * behind)) as f32; 1200]).unwrap();
+    let projection = DepthProjection::from_matrix(&frustum).unwrap();
+    assert!(projection.in_unit(0.0).is_err());
+    let given = Some((&image, projection.in_unit(10.0).unwrap()));
+    let drawn = draw_before(&gpu, &on_device, &view, "raycast:step=0.25,filter=exact", given);
+    let truth = truth_before(&scene, &view, &|_| behind);
+    let errors = ImageErrors::between_f64(&drawn, &truth).unwrap().all;
+    assert!(errors.rmse < 2e-4, "{:.1e}", errors.rmse);
+}
+
 /// Trained splats by the rules of the image, whose ellipses depend on the place in it.
 #[test]
 fn rules_of_the_image_hold_off_the_centre() {
@@ -278,7 +322,7 @@ fn rules_of_the_image_hold_off_the_centre() {
     }
 }
 
-/// Lights and the headlight meet surfaces in world directions.
+/// The headlight shades along the rays of the view, and maxima are found on them.
 #[test]
 fn lit_grids_hold_off_the_centre() {
     let gpu = gpu();
@@ -328,6 +372,8 @@ fn a_frame_lands_in_a_rectangle_of_a_larger_image() {
         // SAFETY: image and view outlive the submission, and have room for the rectangle.
         unsafe { TargetImage::from_raw(&gpu, caller.image, caller.view, format, SIZE) }
     };
+    // SAFETY: the image has room for it, or it is refused.
+    let at = |caller: &Caller, corner| unsafe { part(caller).at(corner) };
     let floats = |bytes: &[u8]| -> Vec<f32> {
         bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()
     };
@@ -360,7 +406,7 @@ fn a_frame_lands_in_a_rectangle_of_a_larger_image() {
                 let mut plan = renderer.prepare(&view, &target.in_part()).unwrap();
                 assert!(plan.set_view(&view).unwrap());
                 let image = depth.image(&gpu, projection).at(corner);
-                let (complete, got) = draw(plan, &frame, &part(&frame).at(corner), image, &depth);
+                let (complete, got) = draw(plan, &frame, &at(&frame, corner), image, &depth);
                 assert!(whole && complete, "{spec}");
                 for (i, got) in (0..).zip(got.chunks_exact(4)) {
                     let Some([x, y]) = inside(i) else {
@@ -383,7 +429,7 @@ fn a_frame_lands_in_a_rectangle_of_a_larger_image() {
         let why = plan.record(&mut frame.command_buffer(&gpu), Some(&target), Some(&depth)).unwrap_err();
         assert!(why.to_string().contains(part), "{why}");
     };
-    refuse(part(&frame).at(corner), own.image(&gpu, projection), "TargetDesc::in_part");
+    refuse(at(&frame, corner), own.image(&gpu, projection), "TargetDesc::in_part");
     refuse(part(&frame), depth.image(&gpu, projection), "room for it");
     refuse(part(&frame), depth.image(&gpu, projection).at([25, 0]), "room for it");
     refuse(part(&frame), depth.image(&gpu, projection).at([u32::MAX, 0]), "room for it");

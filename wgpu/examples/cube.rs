@@ -246,9 +246,8 @@ impl<'a> Engine<'a> {
         drop(pass);
         let depth = (&slot.depth, DepthProjection::from_matrix(&projection)?);
         let frame = self.context.composite(&mut slot.plan, &slot.colour, Some(depth))?;
-        self.context.submit(std::iter::once(encoder.finish()).chain(frame.commands));
         let (tell, told) = channel();
-        self.context.complete(frame.recorded, move |status| drop(tell.send(status)));
+        self.context.submit([encoder.finish()], frame, [], move |status| drop(tell.send(status)));
         slot.pending = Some(told);
         Ok(())
     }
@@ -273,7 +272,7 @@ impl<'a> Engine<'a> {
             wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
         let target = wgpu::TexelCopyBufferInfo { buffer: &buffer, layout };
         encoder.copy_texture_to_buffer(texture.as_image_copy(), target, texture.size());
-        self.context.submit([encoder.finish()]);
+        self.context.queue().submit([encoder.finish()]);
         buffer.map_async(wgpu::MapMode::Read, .., |_| ());
         device.poll(wgpu::PollType::wait_indefinitely())?;
         let mapped = buffer.get_mapped_range(..)?;

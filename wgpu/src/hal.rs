@@ -43,7 +43,9 @@ pub(crate) fn open(
     enabled.fragment_shader_pixel_interlock = false;
     enabled.extensions.retain(|&name| name != ext::fragment_shader_interlock::NAME);
     // It has this structure itself where rays are traced. A chain has one of each.
-    let has_addresses = descriptor.required_features.contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY);
+    let has_addresses = descriptor.required_features.intersects(
+        wgpu::Features::EXPERIMENTAL_RAY_QUERY | wgpu::Features::EXPERIMENTAL_RAY_TRACING_PIPELINES,
+    );
     let ours =
         Enabled { buffer_device_address: enabled.buffer_device_address && !has_addresses, ..enabled.clone() };
     let mut structures = ours.structures();

@@ -19,8 +19,7 @@
 //! let encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
 //! let projection = DepthProjection::perspective(f64::INFINITY, 0.1)?;
 //! let frame = context.composite(&mut plan, colour, Some((depth, projection)))?;
-//! context.submit(std::iter::once(encoder.finish()).chain(frame.commands));
-//! context.complete(frame.recorded, |status| drop(status));
+//! context.submit([encoder.finish()], frame, [], |status| drop(status));
 //! # Ok(())
 //! # }
 //! ```
@@ -28,10 +27,11 @@
 //! # What to know
 //!
 //! - **Threads.** wgpu does not tell of the queue's lock. [`Context::submit`] submits while the library does not; so must everything else
-//!   that uses the queue, among it [`wgpu::Surface::configure`] and [`wgpu::Queue::present`], while another thread prepares plans: call it in
-//!   [`Gpu::with_queue`]. A program that prepares and submits on one thread needs none of this.
-//! - **Callbacks** of [`wgpu::Queue::on_submitted_work_done`] may run inside [`wgpu::Queue::submit`], and then under the library's lock:
-//!   they must not prepare or render. [`Context::complete`] does neither.
+//!   that uses the queue while another thread prepares plans, among it [`wgpu::Queue::submit`], [`wgpu::Queue::present`],
+//!   [`wgpu::Queue::on_submitted_work_done`], [`wgpu::Surface::configure`] and [`wgpu::Buffer::map_async`]: call it in [`Gpu::with_queue`]. A
+//!   program that prepares and submits on one thread needs none of this.
+//! - **Callbacks** of wgpu may run inside its functions that submit or wait, and then under the library's lock: they must not submit, prepare
+//!   or render.
 //! - **First contents.** wgpu fills a texture with zeros before its first use by wgpu, unless it has cleared or written it itself, and does not
 //!   see what the library writes: clear it by a pass of wgpu before the first frame.
 //! - **Losses.** [`wgpu::Device::set_device_lost_callback`] may own [`Gpu::loss_note`], and tell it. A clone of the [`Gpu`] or the
@@ -57,15 +57,22 @@ pub struct Context {
     gpu: Gpu,
 }
 
-/// A frame of [`Context::composite`].
+/// A frame of [`Context::composite`], for [`Context::submit`]. One that is dropped is not drawn, and its plan can record again.
 #[derive(Debug)]
-#[must_use = "is drawn when its commands are submitted"]
+#[must_use = "is drawn when it is submitted"]
 pub struct Frame {
-    /// What is to be submitted, in this order, after the command buffers whose contents it composites over. wgpu records no passes into a
-    /// command buffer that has commands of others: hence two, the transitions of the textures and the frame.
-    pub commands: [wgpu::CommandBuffer; 2],
-    /// The resources of the frame, until [`Context::complete`], or [`Recorded::discarded`] where it is not submitted.
-    pub recorded: Recorded,
+    /// wgpu records no passes into a command buffer that has commands of others: hence two, the transitions of the textures and the frame.
+    commands: Option<[wgpu::CommandBuffer; 2]>,
+    recorded: Option<Recorded>,
+}
+
+impl Drop for Frame {
+    fn drop(&mut self) {
+        // It was not submitted: its commands can be submitted nowhere else.
+        if let Some(recorded) = self.recorded.take() {
+            recorded.discarded();
+        }
+    }
 }
 
 impl Context {
@@ -114,9 +121,14 @@ impl Context {
     /// Records a frame of a plan over the contents of `colour`; with a depth texture and the projection that drew it, behind nothing that it
     /// shows. Passes before and after it in a submission use both textures as usual.
     ///
-    /// `colour` is a texture of the plan's format and size with the usage `RENDER_ATTACHMENT`, or one whose `view_formats` have the plan's
-    /// format. The depth texture has the usage `TEXTURE_BINDING`, and may have stencil. Both have one mip level, layer and sample. The
-    /// recording keeps them until [`Context::complete`].
+    /// `colour` is a texture of the plan's format and size with the usage `RENDER_ATTACHMENT`, and no texture of a surface: wgpu makes each
+    /// command buffer that uses one end with it ready to be presented, so draw into a texture of your own, and copy or draw that. The depth
+    /// texture has the usage `TEXTURE_BINDING`, and may have stencil. Both are of this device and have one mip level, layer and sample. The
+    /// frame keeps them until it has ended.
+    ///
+    /// # Panics
+    ///
+    /// As wgpu does for textures of another device.
     ///
     /// # Errors
     ///
@@ -153,25 +165,42 @@ impl Context {
                 .chain(depth.iter().map(|(depth, _)| (depth.texture, wgpu::TextureUses::RESOURCE)))
                 .map(|(texture, state)| wgpu::TextureTransition { texture, selector: None, state }),
         );
+        // wgpu checks here that the textures are of this device.
+        let transitions = transitions.finish();
         let depth = depth.as_ref().map(|(depth, projection)| (depth, *projection));
         let recorded = hal::record(&self.gpu, &mut encoder, plan, &colour, depth)?;
-        Ok(Frame { commands: [transitions.finish(), encoder.finish()], recorded })
+        Ok(Frame { commands: Some([transitions, encoder.finish()]), recorded: Some(recorded) })
     }
 
-    /// Submits command buffers while the library submits nothing.
-    pub fn submit(&self, commands: impl IntoIterator<Item = wgpu::CommandBuffer>) -> wgpu::SubmissionIndex {
-        self.gpu.with_queue(|_| self.queue.submit(commands))
-    }
-
-    /// Completes a recording when everything that is submitted by now has ended, and passes on its status. wgpu notices the end in
-    /// [`wgpu::Device::poll`], in a submission, or in a present.
-    pub fn complete(&self, recorded: Recorded, then: impl FnOnce(Result<Status>) + Send + 'static) {
-        self.queue.on_submitted_work_done(move || then(recorded.completed()));
+    /// Submits command buffers before and after a frame, in one submission, while the library submits nothing. `then` gets the status of the
+    /// frame when the submission has ended. wgpu notices that in [`wgpu::Device::poll`], in a submission, or in a present; `then` may run there,
+    /// and must neither submit nor prepare.
+    pub fn submit(
+        &self,
+        before: impl IntoIterator<Item = wgpu::CommandBuffer>,
+        mut frame: Frame,
+        after: impl IntoIterator<Item = wgpu::CommandBuffer>,
+        then: impl FnOnce(Result<Status>) + Send + 'static,
+    ) -> wgpu::SubmissionIndex {
+        let (commands, recorded) = (frame.commands.take(), frame.recorded.take());
+        self.gpu.with_queue(|_| {
+            let index =
+                self.queue.submit(before.into_iter().chain(commands.into_iter().flatten()).chain(after));
+            // It may submit pending writes.
+            self.queue.on_submitted_work_done(move || then_complete(recorded, then));
+            index
+        })
     }
 
     /// Returns Vulkan's format of textures of a format, which depends on the device.
     fn raw_format(&self, format: wgpu::TextureFormat) -> Result<vk::Format> {
         hal::raw_format(&self.adapter, format)
+    }
+}
+
+fn then_complete(recorded: Option<Recorded>, then: impl FnOnce(Result<Status>)) {
+    if let Some(recorded) = recorded {
+        then(recorded.completed());
     }
 }
 

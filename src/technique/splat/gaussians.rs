@@ -437,7 +437,11 @@ fn pushes(set: &TrainedSet, view: &View, draw: SplatPush) -> Result<(TrainedPush
         least: f32_of(1e-6 * (set.radius + depth.abs())),
         ..draw
     };
-    if !(rounded.iter().all(|x| x.is_finite()) && project.eye[3].is_normal() && draw.h.is_finite()) {
+    let rows = [project.right, project.down, project.forward];
+    if !(rows.iter().flatten().chain(&rounded).all(|x| x.is_finite())
+        && project.eye[3].is_normal()
+        && draw.h.is_finite())
+    {
         let why = "the camera is so far from the data, or its pixels so large or small, that float32 cannot hold the view";
         return Err(Error::invalid("view", why));
     }

@@ -47,7 +47,7 @@ impl SplatView {
         let thickness = sheet_thickness(set, desc)?;
         let project = project_push(set, desc, view, &local, thickness, axis);
         let h = if desc.accumulation == Accumulation::ByPixel {
-            reach_of_footprints(set, desc, &local)
+            reach_of_footprints(set, desc, &local, view.pixel_aspect())
         } else {
             thickness
         };
@@ -103,12 +103,13 @@ fn sheet_thickness(set: &SplatSet, desc: &SplatDesc) -> Result<f64> {
 
 /// Returns a bound of the distance between a kernel's centre and where it is met by the lines that its footprint
 /// covers, in units of depth.
-fn reach_of_footprints(set: &SplatSet, desc: &SplatDesc, local: &LocalView) -> f64 {
+fn reach_of_footprints(set: &SplatSet, desc: &SplatDesc, local: &LocalView, aspect: f64) -> f64 {
     let kernel = set.reach / set.space.unit;
     // An ellipse is met at most as far before or behind the centre as aside, and aside at most the kernel's reach, wider by the pixel's filter. A
     // quarter more is for lines off the axis.
     let ellipse = || {
-        let filter = set.cut * desc.variance.sqrt() * local.pixel * (local.w0 + local.w1).abs();
+        let filter =
+            set.cut * desc.variance.sqrt() * local.pixel * aspect.max(1.0) * (local.w0 + local.w1).abs();
         2.5 * (kernel + filter)
     };
     // Depths in float32 have less rounding than this.

@@ -45,12 +45,18 @@ const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
 struct Eye {
     perspective: bool,
     at: DVec3,
+    /// Fans of a mirrored view turn the other way round.
+    mirrored: bool,
 }
 
 impl Eye {
     fn of(view: &View) -> Self {
         let perspective = view.is_perspective();
-        Self { perspective, at: if perspective { view.camera().eye } else { view.forward() } }
+        Self {
+            perspective,
+            at: if perspective { view.camera().eye } else { view.forward() },
+            mirrored: view.shape().0 < 0.0,
+        }
     }
 }
 
