@@ -1585,4 +1585,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: cf95b4c8c2ce5598 */
+/* Checksum of the sources: eea9a9a5a6e6f6cd */

@@ -108,15 +108,13 @@ fn line(text: &str) -> String {
     const MOST: usize = 2000;
     let mut line = String::with_capacity(text.len().min(MOST));
     let count = text.chars().count();
+    let skipped = if count > MOST { MOST / 2..count - MOST / 4 } else { 0..0 };
     for (i, c) in text.chars().enumerate() {
-        if count > MOST && i >= MOST / 2 && i < count - MOST / 4 {
-            if i == MOST / 2 {
-                line.push_str(" [...] ");
-            }
-        } else if c.is_control() {
-            line.extend(c.escape_default());
-        } else {
-            line.push(c);
+        match c {
+            _ if i == skipped.start && i < skipped.end => line.push_str(" [...] "),
+            _ if skipped.contains(&i) => {}
+            c if c.is_control() => line.extend(c.escape_default()),
+            c => line.push(c),
         }
     }
     line

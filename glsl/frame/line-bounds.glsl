@@ -55,7 +55,7 @@ float surface_depth(float stored) {
 
 void main() {
     uvec2 pixel = INVOCATION.xy;
-    uvec2 size = uvec2(2.0 * half_of(push.sides)), corner = uvec2(2.0 * half_of(push.corner));
+    uvec2 size = sides_of(push.sides), corner = sides_of(push.corner);
     if (any(greaterThanEqual(pixel, size))) return;
     uint word = pixel.y * size.x + pixel.x;
     vec2 bounds = RESUME ? line_bounds[word] : vec2(-3e38, 3e38);

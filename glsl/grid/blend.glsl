@@ -70,7 +70,7 @@ vec4 round_code(vec4 code, vec4 source, float steps, float random) {
 void blend(vec4 emission, uint slab) {
     if (emission.a == 0.0) return;
     uvec2 pixel = uvec2(gl_FragCoord.xy);
-    uint place = pixel.y * (push.sides & 0xffffu) + pixel.x;
+    uint place = pixel.y * sides_of(push.sides).x + pixel.x;
     float random = random_of(pixel, slab);
     if (TARGET == TARGET_RGBA8) {
         uint word = texels.words[place];

@@ -49,7 +49,7 @@ float nearest_depth() {
 
 // Returns the number of a pixel's tile in the image.
 uint tile_of(ivec2 pixel) {
-    uint across = ((push.sides & 0xffffu) + TILE - 1u) / TILE;
+    uint across = (sides_of(push.sides).x + TILE - 1u) / TILE;
     return uint(pixel.y) / TILE * across + uint(pixel.x) / TILE;
 }
 

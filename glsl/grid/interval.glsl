@@ -9,7 +9,7 @@
 // first is greater where nothing is left.
 vec2 interval_of(Ray ray, vec2 pixel) {
     vec2 interval = domain_of(ray, push.half_slope.xyz, nearest_depth());
-    vec2 bounds = bounds_of(uvec2(pixel), (push.sides & 0xffffu));
+    vec2 bounds = bounds_of(uvec2(pixel), sides_of(push.sides).x);
     return BOUNDED ? vec2(max(interval.x, bounds.x), min(interval.y, bounds.y)) : interval;
 }
 

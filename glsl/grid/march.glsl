@@ -40,7 +40,7 @@ bool own_pixel(out ivec2 pixel) {
         return tile.x <= tile.y;
     }
     if (BY_TILE_LIST) pixel = pixel * TILE + ivec2(gl_LocalInvocationID.xy);
-    return all(lessThan(pixel, ivec2(2.0 * half_image())));
+    return all(lessThan(pixel, ivec2(sides_of(push.sides))));
 }
 
 // Begins the march, or continues with what the dispatch before has stored: returns colour and opacity so far, and the transmittance.
@@ -60,7 +60,7 @@ BrickGrid load_bricks() {
 
 // Returns the translucent surfaces from depth `begin` on, where this dispatch begins: the one before has composited those in front.
 LayersAhead begin_layers(ivec2 pixel, float begin) {
-    return layers_from(uvec2(pixel), (push.sides & 0xffffu), push.first > 0u ? begin : -3e38);
+    return layers_from(uvec2(pixel), sides_of(push.sides).x, push.first > 0u ? begin : -3e38);
 }
 
 // Returns the depth at which another dispatch resumes; 3e38 where none does.

@@ -119,7 +119,7 @@ void main() {
 #ifdef PILOT
 void main() {
     uint tile = WORKGROUP_NUMBER * TILE_PIXELS + gl_LocalInvocationIndex;
-    ivec2 extent = ivec2(2.0 * half_image()), tiles = (extent + TILE - 1) / TILE;
+    ivec2 extent = ivec2(sides_of(push.sides)), tiles = (extent + TILE - 1) / TILE;
     if (tile >= uint(tiles.x * tiles.y)) return;
     float spacing = push.d0_h.w;
     uint level = push.first;

@@ -60,7 +60,7 @@ shared uint group_count, group_begin;
 
 void main() {
     // A workgroup has a square of tiles, which follow each other in the list: tiles side by side share cache lines of the volume.
-    uvec2 tiles = (uvec2(2.0 * half_image()) + TILE - 1u) / TILE;
+    uvec2 tiles = (sides_of(push.sides) + TILE - 1u) / TILE;
     uvec2 tile = INVOCATION.xy;
     bool is_listed = false;
     if (all(lessThan(tile, tiles))) {

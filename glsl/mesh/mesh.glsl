@@ -12,6 +12,7 @@
 
 #include "interface.glsl"
 #include "shared/integers.glsl"
+#include "shared/straight.glsl"
 
 layout(push_constant) uniform MeshPush {
     vec4 right;       // X of a point: dot of xyz with it, + w
@@ -61,21 +62,17 @@ vec2 line_at(vec2 pixel) {
 
 // An offset from the eye, or along a line, in right-angled coordinates.
 vec3 straight(vec3 v) {
-    return vec3(fma(v.z, push.skew.x, v.x * push.aspect), fma(v.z, push.skew.y, v.y), v.z);
+    return straight(v, push.aspect, push.skew);
 }
 
-// By how much a place (X, Y, d) is farther from the eye than its plane of equal depth, without the difference; 0 for parallel rays.
+// By how much a place (X, Y, d) is farther from the eye than its plane of equal depth; 0 for parallel rays.
 float further_of(vec3 place) {
-    if (push.w1 == 0.0) return 0.0;
-    vec3 from_eye = straight(vec3(place.xy, place.z - push.forward.w));
-    float r2 = dot(from_eye.xy, from_eye.xy), z = abs(from_eye.z);
-    return r2 / max(sqrt(r2 + z * z) + z, 1e-30);
+    return push.w1 == 0.0 ? 0.0 : further_than_deep(straight(vec3(place.xy, place.z - push.forward.w)));
 }
 
 // World length of a unit of depth along a line.
 float length_of_depth(vec2 line) {
     vec2 t = straight(vec3(line * push.slope, 1.0)).xy;
-    if (push.w1 == 0.0) t = vec2(0.0);
     return sqrt(1.0 + dot(t, t)) * push.unit;
 }
 

@@ -48,7 +48,7 @@ float nearest_depth() {
 
 // Depths between which a pixel's line is drawn: from the eye on, and where anything else bounds it.
 vec2 drawn_depths(uvec2 pixel) {
-    uvec2 size = uvec2(2.0 * half_image());
+    uvec2 size = sides_of(push.sides);
     vec2 bounds = bounds_of(min(pixel, size - 1u), size.x);
     return vec2(max(bounds.x, nearest_depth()), bounds.y);
 }
@@ -60,12 +60,12 @@ uvec2 bin_of(uint in_band) {
 
 // An invocation's first pixel.
 uvec2 first_pixel(uint in_band, uint lane) {
-    uint tile = push.band + in_band, across = ((push.sides & 0xffffu) + TILE - 1u) / TILE;
+    uint tile = push.band + in_band, across = (sides_of(push.sides).x + TILE - 1u) / TILE;
     return uvec2(tile % across, tile / across) * TILE + uvec2(lane % TILE, lane / TILE);
 }
 
 bool in_image(uvec2 pixel) {
-    return all(lessThan(pixel, uvec2(2.0 * half_image())));
+    return all(lessThan(pixel, sides_of(push.sides)));
 }
 
 void load_pixel(uvec2 pixel, out vec4 sum, out float transmittance) {

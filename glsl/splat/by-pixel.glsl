@@ -99,7 +99,7 @@ void repair(uint number) {
     if (number >= pixels[PIXELS_COUNT]) return;
     uint word = pixels[PIXELS_FIRST + number];
     uvec2 pixel = uvec2(word & 0xffffu, word >> 16);
-    uint across = ((push.sides & 0xffffu) + TILE - 1u) / TILE;
+    uint across = (sides_of(push.sides).x + TILE - 1u) / TILE;
     uvec2 bin = bin_of(pixel.y / TILE * across + pixel.x / TILE - push.band);
     begin_line(pixel);
     // The last that is blended, by its place among those as near, and the first that is left.

@@ -21,6 +21,7 @@
 #include "interface.glsl"
 #include "shared/device.glsl"
 #include "shared/keys.glsl"
+#include "shared/straight.glsl"
 #include "splat/boxes.glsl"
 
 layout(constant_id = SPEC_SPLAT_SHAPE) const uint SHAPE = SHAPE_ALIKE;
@@ -103,11 +104,6 @@ struct Centre {
     float x, y, z, w;
 };
 
-// An offset from the eye, or along a line, in right-angled coordinates.
-vec3 straight(vec3 v) {
-    return vec3(fma(v.z, push.skew.x, v.x * push.aspect), fma(v.z, push.skew.y, v.y), v.z);
-}
-
 Centre centre_of(vec3 m) {
     float x = dot(m, push.right.xyz) + push.right.w, y = dot(m, push.up.xyz) + push.up.w, z = dot(m, push.forward.xyz);
     return Centre(x, y, z, push.w0 + push.w1 * z);
@@ -175,7 +171,7 @@ Ellipse ellipse_of(uint i, Centre c, Spread spread) {
     to.xy = -s * s * xy + s * gy * xz - gx * s * yz + gx * gy * zz;
     to.yy = s * s * yy - 2.0 * s * gy * yz + gy * gy * zz;
     vec3 t = vec3(c.x * push.w1, c.y * push.w1, c.w) / max(c.w, 1e-20);
-    vec3 along_line = straight(t);
+    vec3 along_line = straight(t, push.aspect, push.skew);
     float along;
     if (SHAPE == SHAPE_COVARIANCES) {
         vec3 right = push.aspect * push.right.xyz + push.skew.x * push.forward.xyz, up = push.up.xyz + push.skew.y * push.forward.xyz;
@@ -225,10 +221,8 @@ void lowpass(inout Ellipse to) {
 uint key_of(Centre c, float reach, vec3 m) {
     if (ORDER == ORDER_CENTRES) {
         // Distance from the eye less the depth of the plane through the centre of the data, without the difference.
-        float ahead = c.z - push.forward.w, before = abs(ahead);
-        vec2 aside = push.w1 == 0.0 ? vec2(c.x, c.y) : straight(vec3(c.x, c.y, ahead)).xy;
-        float r2 = dot(aside, aside);
-        return float_key(c.z + (push.w1 == 0.0 ? 0.0 : r2 / max(sqrt(r2 + before * before) + before, 1e-30)));
+        vec3 from_eye = straight(vec3(c.x, c.y, c.z - push.forward.w), push.aspect, push.skew);
+        return float_key(c.z + (push.w1 == 0.0 ? 0.0 : further_than_deep(from_eye)));
     }
     if (ORDER == ORDER_NEAREST) return float_key(c.z - reach);
     float at = (floor(m[AXIS_OF_SHEETS] / push.thickness + 0.25) + push.middle) * push.thickness;

@@ -336,13 +336,12 @@ pub unsafe extern "C" fn vr_gpu_adopt(info: *const vr_device_info, gpu: *mut *mu
             instance_extensions.extend(name.filter(|name| name.as_c_str() == used).map(|_| used));
         }
         let folder = caller.path(info.pipeline_cache_folder, "pipeline_cache_folder")?;
-        let pipeline_cache = match (folder, info.pipeline_cache) {
-            (None, cache) if cache == vk::PipelineCache::null() => PipelineCache::Off,
-            (None, cache) => PipelineCache::Caller(cache),
-            (Some(folder), cache) if cache == vk::PipelineCache::null() => {
-                PipelineCache::Folder(folder.into())
-            }
-            _ => {
+        let cache = Some(info.pipeline_cache).filter(|cache| *cache != vk::PipelineCache::null());
+        let pipeline_cache = match (folder, cache) {
+            (None, None) => PipelineCache::Off,
+            (None, Some(cache)) => PipelineCache::Caller(cache),
+            (Some(folder), None) => PipelineCache::Folder(folder.into()),
+            (Some(_), Some(_)) => {
                 let why = "both are given: pipelines are kept in one of them";
                 return Err(Error::invalid("pipeline_cache and pipeline_cache_folder", why));
             }

@@ -317,32 +317,7 @@ impl Plan {
         if Arc::strong_count(&self.in_flight) > 1 {
             return Err(Error::invalid("plan", "its last recording has not been completed"));
         }
-        match (self.target.format(), target) {
-            (None, None) => {}
-            (Some(format), Some(target)) if target.format == format && target.extent == self.extent => {}
-            (wanted, given) => {
-                let named =
-                    |format, [width, height]: [u32; 2]| format!("an image of {format:?}, {width}x{height}");
-                let wanted = wanted
-                    .map_or_else(|| "an image of its own".to_string(), |format| named(format, self.extent));
-                let given =
-                    given.map_or_else(|| "none".to_string(), |target| named(target.format, target.extent));
-                return Err(Error::invalid("target", format!("the plan is for {wanted}, given is {given}")));
-            }
-        }
-        let moved = target.filter(|target| target.corner != [0; 2] && !self.target.part);
-        if let Some(TargetImage { corner, .. }) = moved {
-            let why = format!("begins at {corner:?}: the plan is for a whole image, see TargetDesc::in_part");
-            return Err(Error::invalid("target", why));
-        }
-        let reaches = |target: &TargetImage, axis: usize| {
-            target.corner[axis].saturating_add(self.extent[axis]) > View::MAX_SIDE
-        };
-        if let Some(target) = target.filter(|target| reaches(target, 0) || reaches(target, 1)) {
-            let why =
-                format!("its rectangle from {:?} on reaches beyond {} pixels", target.corner, View::MAX_SIDE);
-            return Err(Error::invalid("target", why));
-        }
+        self.check_target(target)?;
         match (depth, &self.bounds) {
             (Some(depth), Some(bounds)) if self.target.depth => bounds.check_depth(&self.gpu, depth)?,
             (Some(_), _) => {
@@ -399,6 +374,33 @@ impl Plan {
             _owner: owner,
         };
         Ok(Recorded { held: std::mem::ManuallyDrop::new(held) })
+    }
+
+    /// Checks that the target is the one that the plan was made for.
+    fn check_target(&self, target: Option<&TargetImage>) -> Result<()> {
+        match (self.target.format(), target) {
+            (None, None) => {}
+            (Some(format), Some(target)) if target.format == format && target.extent == self.extent => {}
+            (wanted, given) => {
+                let named =
+                    |format, [width, height]: [u32; 2]| format!("an image of {format:?}, {width}x{height}");
+                let wanted = wanted
+                    .map_or_else(|| "an image of its own".to_string(), |format| named(format, self.extent));
+                let given =
+                    given.map_or_else(|| "none".to_string(), |target| named(target.format, target.extent));
+                return Err(Error::invalid("target", format!("the plan is for {wanted}, given is {given}")));
+            }
+        }
+        let Some(TargetImage { corner, .. }) = target else { return Ok(()) };
+        if *corner != [0; 2] && !self.target.part {
+            let why = format!("begins at {corner:?}: the plan is for a whole image, see TargetDesc::in_part");
+            return Err(Error::invalid("target", why));
+        }
+        if (0..2).any(|axis| corner[axis].saturating_add(self.extent[axis]) > View::MAX_SIDE) {
+            let why = format!("its rectangle from {corner:?} on reaches beyond {} pixels", View::MAX_SIDE);
+            return Err(Error::invalid("target", why));
+        }
+        Ok(())
     }
 
     /// Changes the plan to another view of the same image size, without allocating. Returns `false`, and changes nothing, when the

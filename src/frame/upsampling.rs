@@ -105,11 +105,10 @@ impl Upsampling {
             pixels: pixels.write(),
             refines: refine.is_some(),
         });
-        let half = |side: u32| f64::from(side) * 0.5;
         let [width, height, _] = source.desc().extent;
         let push = UpsamplingPush {
-            half_extent: view.extent().map(|side| f32_of(half(side))),
-            half_source: [width, height].map(|side| f32_of(half(side))),
+            half_extent: view.half_extent(),
+            half_source: [width, height].map(|side| f32_of(0.5 * f64::from(side))),
             // Both images show the same height.
             scale: f32_of(f64::from(height) / f64::from(view.extent()[1])),
             inverse: f32_of(f64::from(view.extent()[1]) / f64::from(height)),

@@ -143,7 +143,8 @@ impl Gpu {
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
     }
 
-    /// Writes the pipeline cache to its file, if it has one ([`GpuOptions::pipeline_cache`](super::GpuOptions::pipeline_cache)). Dropping the last clone does so, too.
+    /// Writes the pipeline cache to its file, if it has one ([`GpuOptions::pipeline_cache`](super::GpuOptions::pipeline_cache)). Dropping
+    /// the last clone does so, too.
     pub fn save_pipeline_cache(&self) {
         self.inner.save_cache();
     }

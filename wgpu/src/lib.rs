@@ -187,7 +187,11 @@ impl Context {
             let index =
                 self.queue.submit(before.into_iter().chain(commands.into_iter().flatten()).chain(after));
             // It may submit pending writes.
-            self.queue.on_submitted_work_done(move || then_complete(recorded, then));
+            self.queue.on_submitted_work_done(move || {
+                if let Some(recorded) = recorded {
+                    then(recorded.completed());
+                }
+            });
             index
         })
     }
@@ -195,12 +199,6 @@ impl Context {
     /// Returns Vulkan's format of textures of a format, which depends on the device.
     fn raw_format(&self, format: wgpu::TextureFormat) -> Result<vk::Format> {
         hal::raw_format(&self.adapter, format)
-    }
-}
-
-fn then_complete(recorded: Option<Recorded>, then: impl FnOnce(Result<Status>)) {
-    if let Some(recorded) = recorded {
-        then(recorded.completed());
     }
 }
 

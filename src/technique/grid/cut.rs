@@ -57,16 +57,16 @@ pub(super) fn cut(
     // Depth is in units of the smallest voxel spacing on the device, because the world's unit may be a parsec or an angstrom.
     let unit = grid.spacing().min_element();
     let pack = |v: glam::DVec3, w: f64| num::vec3_of(v).extend(f32_of(w)).to_array();
-    let [slope_x, slope_y, slopes @ ..] = view.slopes().map(f32_of);
+    let [slope_x, slope_y, slopes @ ..] = view.slopes();
     let half = turned((grid.last_index() * 0.5).to_array(), axis.unwrap_or(2));
-    let mut push = GridPush {
+    let push = GridPush {
         // Pixels of parallel rays have one size at every depth.
         q0_kq: pack(rays.q0, if rays.kd == 0.0 { 1.0 } else { rays.kq / unit }),
-        px_slope: pack(rays.px * if rays.kd == 0.0 { 1.0 } else { unit }, 0.0),
+        px_slope: pack(rays.px * if rays.kd == 0.0 { 1.0 } else { unit }, slope_x),
         py_z0: pack(rays.py * if rays.kd == 0.0 { 1.0 } else { unit }, slabs.begin),
         d0_h: pack(rays.d0 * unit, slabs.thickness),
-        half_slope: pack(half.into(), 0.0),
-        slopes,
+        half_slope: pack(half.into(), slope_y),
+        slopes: slopes.map(f32_of),
         sides: view.sides(),
         value_scale: volume.scale,
         value_offset: volume.offset,
@@ -78,7 +78,6 @@ pub(super) fn cut(
         opaque: f32_of(options.stop / scene.max_colour()),
         seed: options.seed,
     };
-    (push.px_slope[3], push.half_slope[3]) = (slope_x, slope_y);
     let numbers = [push.q0_kq, push.px_slope, push.py_z0, push.d0_h, push.half_slope];
     let finite = numbers.iter().flatten().chain(&push.slopes).all(|number| number.is_finite());
     if !(finite && push.unit.is_normal()) {
