@@ -13,8 +13,8 @@
 #define BINDING_ACCUMULATION 3  // image2D, rgba32f: premultiplied colour and opacity
 #define BINDING_SOURCE 4        // sampler2D: an image to composite
 #define BINDING_RESULT 5        // storage block: results of the start-up probes
-#define BINDING_TABLE_HEAD 6    // storage block: head of a pre-integration table
-#define BINDING_TABLE 7         // sampler3D: its bins or nodes
+#define BINDING_TABLE_HEAD 6    // storage block: head of a pre-integration table, and the bins of a cumulative one
+#define BINDING_TABLE 7         // sampler3D: nodes of a full table
 #define BINDING_BRICKS 8        // storage block: one word per brick: 0 where nothing is visible, or its greatest scalar
 #define BINDING_RANGES 9        // storage block: least and greatest scalar of each brick
 #define BINDING_VISIBLE 10      // storage block: ranges of scalars with extinction
@@ -208,7 +208,6 @@
 #define SHEETS 4          // slabs of splats that are accumulated at a time
 #define FOOTPRINT_PARTS 8 // intervals of a ray integral without a closed form, two points each
 
-#define TABLE_BINS_PER_ROW 256 // bins of a cumulative table in one row of its texture
 #define BRICK 8            // cells along each side of a brick
 #define THRESHOLD_SIDE 64  // side of the tile of thresholds
 

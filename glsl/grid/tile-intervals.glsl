@@ -7,7 +7,8 @@
 // pixels are that large (MARCH_WIDE), the whole ray is shown.
 //
 //   in    words of the bricks and those around (bricks.glsl)
-//   out   two depths per tile, the first greater where it shows nothing; LISTS: a list of those that do, with the workgroups that draw them
+//   out   two depths per tile, the first greater where it shows nothing; LISTS: a list of those that do, with the workgroups that draw them,
+//         and transparent pixels in the others
 //   cost  a brick per 8 voxels along each tile's ray
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -26,6 +27,8 @@ layout(set = 0, binding = BINDING_AROUND, std430) readonly buffer Around {
 layout(set = 0, binding = BINDING_TILE_INTERVALS, std430) buffer TileIntervals {
     vec2 of_tile[];
 } intervals;
+
+layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform writeonly image2D accumulation;
 
 layout(constant_id = SPEC_BY_TILE_LIST) const bool LISTS = false;
 
@@ -57,10 +60,19 @@ vec2 shown_by(uvec2 tile) {
 }
 
 shared uint group_count, group_begin;
+shared bool shows[TILE * TILE];
+
+// Makes the pixels of the workgroup's tiles that show nothing transparent: a pixel per invocation, one tile after the other.
+void clear_hidden(uvec2 first_tile, uvec2 sides) {
+    for (uint i = 0u; i < TILE * TILE; ++i) {
+        uvec2 pixel = (first_tile + uvec2(i % TILE, i / TILE)) * TILE + gl_LocalInvocationID.xy;
+        if (!shows[i] && all(lessThan(pixel, sides))) imageStore(accumulation, ivec2(pixel), vec4(0.0));
+    }
+}
 
 void main() {
     // A workgroup has a square of tiles, which follow each other in the list: tiles side by side share cache lines of the volume.
-    uvec2 tiles = (sides_of(push.sides) + TILE - 1u) / TILE;
+    uvec2 sides = sides_of(push.sides), tiles = (sides + TILE - 1u) / TILE;
     uvec2 tile = INVOCATION.xy;
     bool is_listed = false;
     if (all(lessThan(tile, tiles))) {
@@ -70,7 +82,9 @@ void main() {
     }
     if (!LISTS) return;
     if (gl_LocalInvocationIndex == 0u) group_count = 0u;
+    shows[gl_LocalInvocationIndex] = is_listed;
     barrier();
+    clear_hidden(tile - gl_LocalInvocationID.xy, sides);
     uint place = is_listed ? atomicAdd(group_count, 1u) : 0u;
     barrier();
     if (gl_LocalInvocationIndex == 0u && group_count > 0u) group_begin = room_for(group_count, 1u);

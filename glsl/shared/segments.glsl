@@ -37,11 +37,11 @@ struct CumulativeBin {
 };
 
 layout(set = 0, binding = BINDING_TABLE_HEAD, std430) readonly buffer Table {
-    TableHead head[];
+    TableHead head;
+    CumulativeBin bins[]; // INTEGRAL
 } table;
 
-// INTEGRAL: the four vectors of a bin side by side, TABLE_BINS_PER_ROW bins per row. FULL: mean emission density over front
-// scalar, back scalar and length.
+// FULL: mean emission density over front scalar, back scalar and length.
 layout(set = 0, binding = BINDING_TABLE) uniform sampler3D table_texels;
 
 // Registers: the table's head.
@@ -58,7 +58,7 @@ float emitted_at = 0.5;
 void load_segments(uint knots) {
     load_knots();
     last_knot = int(knots) - 1;
-    if (INTEGRATOR == INTEGRATOR_INTEGRAL || INTEGRATOR == INTEGRATOR_FULL) head = table.head[0];
+    if (INTEGRATOR == INTEGRATOR_INTEGRAL || INTEGRATOR == INTEGRATOR_FULL) head = table.head;
 }
 
 // One end of a segment. Its look-ups serve the segments on both sides.
@@ -112,12 +112,7 @@ End end_at(float s) {
         end.place = place;
         // Below 1, so that a segment across an edge has a non-empty part in at least one of the two bins.
         end.x = min(x * head.range.z, 0.99999994);
-        int bin = whole_of(place);
-        ivec3 texel = ivec3(bin % TABLE_BINS_PER_ROW * 4, bin / TABLE_BINS_PER_ROW, 0);
-        end.bin.high = texelFetch(table_texels, texel, 0);
-        end.bin.low = texelFetch(table_texels, texel + ivec3(1, 0, 0), 0);
-        end.bin.mean = texelFetch(table_texels, texel + ivec3(2, 0, 0), 0);
-        end.bin.rise = texelFetch(table_texels, texel + ivec3(3, 0, 0), 0);
+        end.bin = table.bins[whole_of(place)];
     }
     return end;
 }

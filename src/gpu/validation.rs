@@ -39,8 +39,14 @@ impl Validation {
     }
 }
 
+/// Beginnings of the ids of messages that are not about the calls of a program: the layer tells how it adjusts its own settings, and that
+/// a driver asks a device for commands of the instance, as 580 of NVIDIA does. Neither this crate nor `ash` does.
+const NOT_OF_CALLS: [&str; 3] =
+    ["VALIDATION-SETTINGS", "WARNING-Setting", "WARNING-vkGetDeviceProcAddr-device"];
+
 /// Errors and warnings of the validation layer; with best practices also its advice on performance. Each message is
-/// `error ID: text` or `warning ID: text`, on one line or several.
+/// `error ID: text` or `warning ID: text`, on one line or several. Messages that are not about calls of a program are left out: how the
+/// layer adjusts its settings, and what drivers ask for.
 ///
 /// The log outlives the device if the caller holds it, and then also has the messages of the device's destruction.
 #[derive(Debug, Default)]
@@ -118,8 +124,12 @@ unsafe extern "system" fn on_message(
         // SAFETY: the strings of a callback structure are null or zero-terminated.
         unsafe { CStr::from_ptr(pointer) }.to_string_lossy().into_owned()
     };
+    let id = text(data.p_message_id_name);
+    if NOT_OF_CALLS.iter().any(|other| id.starts_with(other)) {
+        return vk::FALSE;
+    }
     let label = if error { "error" } else { "warning" };
-    let message = format!("{label} {}: {}", text(data.p_message_id_name), text(data.p_message));
+    let message = format!("{label} {id}: {}", text(data.p_message));
     // Printed at once: a program that breaks the rules may crash the driver before anyone reads the log. `writeln!` to a
     // closed stderr must not panic inside a callback. Advice is not urgent.
     if !message.contains("BestPractices") && !log.silent.load(Ordering::Relaxed) {

@@ -19,7 +19,6 @@ use crate::gpu::{
     Recorder,
 };
 use crate::interface::PeakPush;
-use crate::num;
 use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass};
 use crate::primitives::radix_sort::RadixSort;
 
@@ -41,11 +40,9 @@ const MOST_GROUPS: u32 = 1 << 18;
 /// Bits of keys that are sorted by: those of the tiles of 512 x 512 pixels.
 const SORTED_BITS: u32 = 12;
 
-/// Vectors of 16 bytes of a buffer that is copied: 64 MiB, more than most caches hold.
-const VECTORS: u32 = 1 << 22;
-
-/// Sides of an image of four 32-bit floats that is copied: 64 MiB as well.
-const COPIED_SIDE: u32 = 2048;
+/// Sides of the least image of 16-byte texels that is copied, 64 MiB, and of the greatest, 1 GiB: more than caches hold, and
+/// enough that a copy takes many times as long as it takes to start.
+const COPIED_SIDES: [u32; 2] = [2048, 8192];
 
 /// Sides of an image that is blended into.
 const BLENDED_SIDE: u32 = 1024;
@@ -88,8 +85,8 @@ const KINDS: [Kind; 14] = [
     ("texels.r8", "single fetches from a volume of 8-bit samples", |gpu| texels(gpu, vk::Format::R8_UNORM)),
     ("texels.r16", "single fetches from a volume of 16-bit samples", |gpu| texels(gpu, vk::Format::R16_UNORM)),
     ("texels.r32f", "single fetches from a volume of 32-bit floats", |gpu| texels(gpu, vk::Format::R32_SFLOAT)),
-    ("buffer_bytes", "bytes read and written, in a copy of a buffer of 64 MiB", buffer_bytes),
-    ("image_bytes", "bytes read and written, in a copy of an image of 64 MiB", image_bytes),
+    ("buffer_bytes", "bytes read and written, in a copy of a buffer of at most 1 GiB", buffer_bytes),
+    ("image_bytes", "bytes read and written, in a copy of an image of at most 1 GiB", image_bytes),
     ("blended.rgba8", "pixels blended into four 8-bit channels", |gpu| blended(gpu, vk::Format::R8G8B8A8_UNORM)),
     ("blended.rgba16f", "pixels blended into four half floats", |gpu| blended(gpu, vk::Format::R16G16B16A16_SFLOAT)),
     ("blended.rgba32f", "pixels blended into four 32-bit floats", |gpu| blended(gpu, vk::Format::R32G32B32A32_SFLOAT)),
@@ -220,31 +217,43 @@ fn texels(gpu: &Gpu, format: vk::Format) -> Result<f64> {
     rate_of_groups(gpu, FETCHES, &pass(gpu, "peak.texels", &bound)?)
 }
 
-/// Measures a dispatch that copies `bytes`, over and over.
-fn rate_of_copies(gpu: &Gpu, bytes: u32, bound: &Bound, push: &[u8]) -> Result<f64> {
+/// Returns the sides of an image that is copied, for which a copy takes at most an eighth of the memory.
+fn copied_side(gpu: &Gpu) -> u32 {
+    let [least, most] = COPIED_SIDES;
+    let fits = |side: &u32| 8 * 32 * u64::from(*side).pow(2) <= gpu.memory_budget();
+    std::iter::successors(Some(most), |side| Some(side / 2))
+        .find(|side| fits(side) || *side <= least)
+        .unwrap_or(least)
+}
+
+/// Measures a dispatch that copies so many vectors of 16 bytes, over and over.
+fn rate_of_copies(gpu: &Gpu, vectors: u32, bound: &Bound, push: &[u8]) -> Result<f64> {
     let Dispatch { name, pipeline, descriptors } = pass(gpu, "peak.copy", bound)?;
-    rate(gpu, 2.0 * f64::from(bytes), 64, |recorder, times| {
+    rate(gpu, 32.0 * f64::from(vectors), 1024, |recorder, times| {
         for _ in 0..times {
-            recorder.dispatch(&name, &pipeline, &descriptors, push, groups_of(bytes / 16, GROUP));
+            recorder.dispatch(&name, &pipeline, &descriptors, push, groups_of(vectors, GROUP));
         }
     })
 }
 
 fn buffer_bytes(gpu: &Gpu) -> Result<f64> {
-    let from = Buffer::with_data(gpu, "peak.from", &vec![0; 16 * num::index(VECTORS)])?;
-    let to = buffer(gpu, "peak.to", 4 * u64::from(VECTORS))?;
+    let vectors = copied_side(gpu).pow(2);
+    let [from, to] = ["peak.from", "peak.to"].map(|name| buffer(gpu, name, 4 * u64::from(vectors)));
+    let (from, to) = (from?, to?);
+    Commands::new(gpu)?.run("peak.fill", |recorder| recorder.clear_buffer("peak.fill", &from))?;
     let bound = PEAK_COPY.with(&PeakCopy { stream: from.read(), texels: to.write() });
-    rate_of_copies(gpu, 16 * VECTORS, &bound, bytemuck::bytes_of(&PeakPush { count: VECTORS }))
+    rate_of_copies(gpu, vectors, &bound, bytemuck::bytes_of(&PeakPush { count: vectors }))
 }
 
 fn image_bytes(gpu: &Gpu) -> Result<f64> {
-    let image = |usage| ImageDesc::flat(vk::Format::R32G32B32A32_SFLOAT, [COPIED_SIDE; 2], usage);
+    let side = copied_side(gpu);
+    let image = |usage| ImageDesc::flat(vk::Format::R32G32B32A32_SFLOAT, [side; 2], usage);
     let desc = image(vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST);
     let from = Image::with_data(gpu, "peak.from", &desc, |_, _, _| ())?;
     let to = Arc::new(Image::new(gpu, "peak.to", &image(vk::ImageUsageFlags::STORAGE))?);
     let (source, accumulation) = (from.sampled(vk::Filter::NEAREST), to.stored());
     let bound = PEAK_IMAGE.with(&PeakImage { source, accumulation });
-    rate_of_copies(gpu, 16 * COPIED_SIDE * COPIED_SIDE, &bound, &[])
+    rate_of_copies(gpu, side * side, &bound, &[])
 }
 
 fn blended(gpu: &Gpu, format: vk::Format) -> Result<f64> {

@@ -301,13 +301,15 @@ impl GpuScene {
             && options.integrator == Integrator::Full
             && self.gpu.image_features(TABLE_FORMAT).contains(linear);
         let filter = if table_filter { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
-        let (table, table_head) = match (self.table(options)?, unread) {
-            (Some(table), _) => (table.image.sampled(filter), table.buffer.read()),
-            (None, Some(unread)) => (unread, self.knots()?.buffer.read()),
-            (None, None) => {
-                let unread = self.tables.no_table.get((), || Table::nothing(&self.gpu))?;
-                (unread.sampled(filter), self.knots()?.buffer.read())
-            }
+        let table = self.table(options)?;
+        let table_head = match &table {
+            Some(table) => table.buffer.read(),
+            None => self.knots()?.buffer.read(),
+        };
+        let table = match (table.as_ref().and_then(|table| table.image.as_ref()), unread) {
+            (Some(image), _) => image.sampled(filter),
+            (None, Some(unread)) => unread,
+            (None, None) => self.tables.no_table.get((), || Table::nothing(&self.gpu))?.sampled(filter),
         };
         let (integrator, placed) = (options.integrator.code(), matches!(self.scene.mode, Mode::Lit(_)));
         Ok(Segments { table, table_head, integrator, table_filter, placed })

@@ -7,10 +7,9 @@ use ash::vk;
 use crate::error::Result;
 use crate::gpu::shader::{
     INTEGRATOR_EXACT, INTEGRATOR_FULL, INTEGRATOR_INTEGRAL, INTEGRATOR_MIDPOINT, INTEGRATOR_SMOKE, Optics,
-    TABLE_BINS_PER_ROW,
 };
 use crate::gpu::{Buffer, Gpu, Image, ImageDesc};
-use crate::interface::{CumulativeBin, TableHead};
+use crate::interface::TableHead;
 use crate::num::{self, f32_of};
 use crate::optics::DeviceKnots;
 use crate::optics::cumulative::Cumulative;
@@ -82,10 +81,10 @@ impl SegmentOptions {
 /// A table of integrals of the transfer function over segments.
 #[derive(Debug)]
 pub(crate) struct Table {
-    /// Sizes and scales.
+    /// Sizes and scales, and the bins of a cumulative table.
     pub(crate) buffer: Arc<Buffer>,
-    /// Bins or nodes.
-    pub(crate) image: Arc<Image>,
+    /// Nodes of a 2-D table.
+    pub(crate) image: Option<Arc<Image>>,
 }
 
 impl Table {
@@ -99,31 +98,29 @@ impl Table {
         size: u32,
         longest: impl FnOnce() -> Result<f64>,
     ) -> Result<Option<Arc<Self>>> {
-        let volume = |extent| ImageDesc::sampled_volume(TABLE_FORMAT, extent);
-        let (head, sizes, desc, texels) = match integrator {
+        let (head, bytes, image) = match integrator {
             Integrator::Midpoint | Integrator::Exact | Integrator::Smoke => return Ok(None),
             Integrator::Integral => {
-                let Cumulative { head, mut bins } = Cumulative::new(transfer, size);
-                let rows = size.div_ceil(TABLE_BINS_PER_ROW);
-                bins.resize(num::index(rows * TABLE_BINS_PER_ROW), CumulativeBin::default());
-                let texels: Vec<[f32; 4]> = bytemuck::cast_slice(&bins).to_vec();
-                let desc = volume([4 * TABLE_BINS_PER_ROW, rows, 1]);
-                (head, [f64::from(size), 0.0, 0.0, 0.0], desc, texels)
+                let Cumulative { head, bins } = Cumulative::new(transfer, size);
+                let head = TableHead { size: [f32_of(size.into()), 0.0, 0.0, 0.0], ..head };
+                (head, bytemuck::cast_slice(&bins).to_vec(), None)
             }
             Integrator::Full => {
                 let longest = longest()?;
                 let Full { head, texels } = Full::new(transfer, size, LAYERS, longest);
                 let sizes = [f64::from(size), f64::from(LAYERS), longest, 0.0];
-                (head, sizes, volume([size, size, LAYERS]), texels)
+                let desc = ImageDesc::sampled_volume(TABLE_FORMAT, [size, size, LAYERS]);
+                let plane = num::index(size) * num::index(size);
+                let image = Image::with_data(gpu, "transfer.table", &desc, |_, first, memory| {
+                    let bytes = bytemuck::cast_slice(&texels[first * plane..]);
+                    memory.copy_from_slice(&bytes[..memory.len()]);
+                })?;
+                (TableHead { size: sizes.map(f32_of), ..head }, Vec::new(), Some(image))
             }
         };
-        let head = TableHead { size: sizes.map(f32_of), ..head };
-        let buffer = Buffer::with_data(gpu, "transfer.table-head", bytemuck::bytes_of(&head))?;
-        let plane = num::index(desc.extent[0]) * num::index(desc.extent[1]);
-        let image = Image::with_data(gpu, "transfer.table", &desc, |_, first, memory| {
-            let bytes = bytemuck::cast_slice(&texels[first * plane..]);
-            memory.copy_from_slice(&bytes[..memory.len()]);
-        })?;
+        let bytes = [bytemuck::bytes_of(&head), &bytes].concat();
+        let name = if image.is_some() { "transfer.table-head" } else { "transfer.table" };
+        let buffer = Buffer::with_data(gpu, name, &bytes)?;
         Ok(Some(Arc::new(Self { buffer, image })))
     }
 

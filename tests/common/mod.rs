@@ -93,6 +93,13 @@ pub fn view(projection: Projection, distance: f64, width: u32, height: u32) -> V
     View::new(camera(projection, distance), width, height).unwrap()
 }
 
+/// Fails unless two images are the same but for what two pipelines round otherwise: compilers are free to fuse operations.
+#[track_caller]
+pub fn assert_same_but_for_rounding(image: &Image, other: &Image, what: &str) {
+    let apart = ImageErrors::between(image, other).unwrap().all;
+    assert!(apart.rmse < 3e-7 && apart.max_abs < 1e-5, "{what}: {apart:?}");
+}
+
 /// The routes of a technique that this device offers; the others are named aloud.
 pub fn routes_of(gpu: &Gpu, method: Method) -> Vec<&'static str> {
     let offered = |route: &&str| match *route {

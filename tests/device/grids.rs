@@ -378,9 +378,9 @@ fn the_scale_of_the_world_does_not_matter() {
                 let view = View::new(Camera { eye: base.eye * unit, projection, ..base }, 60, 50).unwrap();
                 let errors = ImageErrors::between(&draw_on(scene, &view, &options), &want).unwrap();
                 // The same numbers but for the rounding of the scaled ones. Where that turns the rounding of a coarse weight, one
-                // sample takes 2 errors of its neighbours' difference more: here far below a tenth of an error in colour.
+                // sample takes 2 errors of its neighbours' difference more: here far below an error in colour.
                 assert!(
-                    errors.all.max_abs < 2e-5 + 0.1 * gpu.filter_error().unwrap(),
+                    errors.all.max_abs < 2e-5 + 0.3 * gpu.filter_error().unwrap(),
                     "{unit:e} {route} {projection:?}: {errors}"
                 );
             }
@@ -1171,7 +1171,7 @@ fn own_device_a_plain_scene_takes_what_it_needs() {
     let volume = ("volume", SAMPLES);
     let image = |name: &'static str| (name, PIXELS * 16);
     let march = image("slices-3d.accumulation");
-    let table = ("transfer.table", 4096 * 64);
+    let table = ("transfer.table", 64 + 4096 * 64);
     let head = ("transfer.table-head", 64);
     let no_table = ("transfer.no-table", 16);
     // What the cube covers of the image, and room for views that need more.
@@ -1242,7 +1242,7 @@ fn own_device_a_plain_scene_takes_what_it_needs() {
             "slabs:empty-space=march,integrator=integral",
             "f32",
             &["slabs.march"],
-            vec![image("slabs.accumulation"), knots, table, head, volume],
+            vec![image("slabs.accumulation"), knots, table, no_table, volume],
         ),
         (
             "slabs:route=raster,integrator=full,table=64",

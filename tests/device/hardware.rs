@@ -30,10 +30,12 @@ fn own_device_permuted_workgroups_change_nothing() {
 #[test]
 fn own_device_coarse_weights_are_measured_and_avoided() {
     let coarse = gpu_with(GpuOptions { emulate_filter_weights: true, ..GpuOptions::default() });
-    // Half of the last bit.
-    let error = coarse.filter_error().unwrap();
-    assert!((error - 0.5 / 256.0).abs() < 2e-5, "{error:e}");
     let fine = gpu();
+    // Half of the last bit; a device that rounds as coarsely itself may be off by a bit more.
+    let error = coarse.filter_error().unwrap();
+    let is_fine = fine.filter_error().unwrap() < 1e-4;
+    let most = if is_fine { 0.5 } else { 1.5 };
+    assert!((0.5 / 256.0 - 2e-5..most / 256.0 + 2e-5).contains(&error), "{error:e}");
     let scene = scene(Field::MarschnerLobb, 40, "f32", &SHELLS);
     let view = view(perspective(), 1.0, 96, 72);
     let rmse = |gpu, filter: &str| {
@@ -42,7 +44,7 @@ fn own_device_coarse_weights_are_measured_and_avoided() {
     };
     let [hardware, exact] = ["hardware", "exact"].map(|filter| rmse(&coarse, filter));
     assert!(hardware > 1.2 * exact && hardware < 3e-4 && exact < 8e-5, "{hardware:e}, {exact:e}");
-    if fine.filter_error().unwrap() < 1e-4 {
+    if is_fine {
         assert!((rmse(&fine, "hardware") - exact).abs() < 0.2 * exact);
     }
     let chosen = |goal| {

@@ -139,11 +139,11 @@ fn only_what_is_used_lies_on_the_device() {
         GpuScene::new(&gpu, Scene::new(grid, TransferFunction::from_rows(&FOG).unwrap()))
     };
     let (front, side) = (turned(orthographic(), 0.0, 16), turned(orthographic(), 90.0, 16));
-    // Texels, and at most what alignment adds: lavapipe rounds a layer's rows up to 64 bytes and 4 rows.
+    // Texels, and at most what alignment adds: lavapipe rounds a layer's rows up to 64 bytes and 4 rows, NVIDIA's driver layers up to 4 KiB.
     let check = |want: &[&str]| {
         let report = stacks(&gpu);
         assert_eq!(report.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), want);
-        assert!(report.iter().all(|(_, size)| (bytes..2 * bytes).contains(size)), "{report:?}");
+        assert!(report.iter().all(|(_, size)| (bytes..3 * bytes).contains(size)), "{report:?}");
     };
     let scene = make();
     let renderer = Renderer::new(&scene, technique("slices-2d:"));

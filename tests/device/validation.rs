@@ -168,11 +168,7 @@ fn gpu_assisted_validation_starts() {
         assert!(limit > 1000, "{limit}");
         let log = gpu.validation_log();
         drop(gpu);
-        // Newer layers tell how they adjust their settings, which is not about our calls.
-        let mut messages = log.messages();
-        messages.retain(|message| {
-            !["VALIDATION-SETTINGS", "WARNING-Setting"].iter().any(|id| message.contains(id))
-        });
+        let messages = log.messages();
         assert!(messages.is_empty(), "{messages:#?}");
     });
 }
@@ -360,9 +356,13 @@ fn child_draws_pass_by_pass() {
 /// The layer overlooks hazards between what shaders write in one command buffer. Between command buffers it sees them.
 #[test]
 fn passes_wait_for_each_other() {
-    let (_, text) = child("child_misses_a_barrier_between_command_buffers", &[SUBMISSIONS]);
-    assert!(text.contains("heard: [") && text.contains("SYNC-HAZARD-WRITE"), "{text}");
-    let (success, text) = child("child_draws_pass_by_pass", &[SUBMISSIONS]);
+    let hears = |text: &str| text.contains("heard: [") && text.contains("SYNC-HAZARD-WRITE");
+    let misses = |variables: &[_]| child("child_misses_a_barrier_between_command_buffers", variables).1;
+    // Newer layers do so unasked, and stop where they are asked in the way of older ones.
+    let variables = if hears(&misses(&[])) { [].as_slice() } else { &[SUBMISSIONS] };
+    let text = misses(variables);
+    assert!(hears(&text), "{text}");
+    let (success, text) = child("child_draws_pass_by_pass", variables);
     assert!(success && text.contains("drawn: "), "{text}");
 }
 

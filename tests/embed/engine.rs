@@ -1,7 +1,7 @@
 //! An engine: its own instance and device under validation, with the features that a test asks for.
 
 use std::ffi::{CStr, c_void};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use volraster::ash::{self, ext, vk};
 use volraster::gpu::{Enabled, Gpu, GpuOptions, GpuParts, PipelineCache, devices};
@@ -11,6 +11,9 @@ pub fn turn() -> MutexGuard<'static, ()> {
     static TURN: Mutex<()> = Mutex::new(());
     TURN.lock().unwrap_or_else(PoisonError::into_inner)
 }
+
+/// The loader of the process, which stays, as that of an engine does.
+static LOADER: OnceLock<ash::Entry> = OnceLock::new();
 
 /// What the validation layers said.
 #[derive(Default)]
@@ -30,6 +33,12 @@ unsafe extern "system" fn on_message(
 ) -> vk::Bool32 {
     // SAFETY: the layer passes a valid structure.
     let data = unsafe { &*data };
+    // SAFETY: the layer's id ends with zero.
+    let id = unsafe { CStr::from_ptr(data.p_message_id_name) }.to_string_lossy();
+    // Drivers ask a device for commands of the instance.
+    if id == "WARNING-vkGetDeviceProcAddr-device" {
+        return vk::FALSE;
+    }
     // SAFETY: the layer's text ends with zero.
     let text = unsafe { CStr::from_ptr(data.p_message) }.to_string_lossy().into_owned();
     eprintln!("validation: {text}");
@@ -61,7 +70,8 @@ impl Engine {
     /// One whose instance is for another version; an older one has nothing that is useful.
     pub fn for_version(version: u32, choose: impl FnOnce(Enabled) -> Enabled) -> Self {
         // SAFETY: loads the system's loader.
-        let entry = unsafe { ash::Entry::load() }.unwrap();
+        let load = || unsafe { ash::Entry::load() }.unwrap();
+        let entry = LOADER.get_or_init(load).clone();
         let log = Arc::new(Log::default());
         let mut info = vk::DebugUtilsMessengerCreateInfoEXT::default()
             .message_severity(

@@ -186,7 +186,7 @@ impl GridFrame {
             Path::Compute { tiles, steps, first, resume, slabs_per_dispatch, groups, redraws } => {
                 if let Some(tiles) = tiles {
                     push.order = march_order(samples.axis, false) | if cut.wide { MARCH_WIDE } else { 0 };
-                    tiles.record(recorder, name, &push, self.image.as_ref());
+                    tiles.record(recorder, name, &push);
                 }
                 if let Some(steps) = steps {
                     push.order = march_order(samples.axis, false);

@@ -66,7 +66,14 @@ pub(super) struct TileIntervals {
 }
 
 impl TileIntervals {
-    fn new(gpu: &Gpu, name: &str, visible: &VisibleBricks, view: &View, lists: bool) -> Result<Self> {
+    fn new(
+        gpu: &Gpu,
+        name: &str,
+        visible: &VisibleBricks,
+        view: &View,
+        image: &Arc<Image>,
+        lists: bool,
+    ) -> Result<Self> {
         let [across, rows, _] = tiles_of(view.extent());
         let tiles = u64::from(across) * u64::from(rows);
         let intervals = buffer(gpu, &format!("{name}.tiles"), 2 * tiles)?;
@@ -77,23 +84,17 @@ impl TileIntervals {
             tile_intervals: intervals.write(),
             // A binding must hold something.
             pixels: list.as_ref().unwrap_or(&intervals).write(),
+            accumulation: image.stored(),
             by_tile_list: lists,
         };
         let find = pass(gpu, &format!("{name}.tiles"), &TILE_INTERVALS_COMPUTE.with(&inputs))?;
         Ok(Self { intervals, list, find, groups: tiles_of([across, rows]) })
     }
 
-    /// Records the pass. With a list the image is cleared, of which only tiles that show anything are drawn.
-    pub(super) fn record(
-        &self,
-        recorder: &mut Recorder<'_>,
-        name: &str,
-        push: &GridPush,
-        image: Option<&Arc<Image>>,
-    ) {
-        if let (Some(list), Some(image)) = (&self.list, image) {
+    /// Records the pass. With a list it clears the tiles that show nothing: fixed function clears storage images slowly.
+    pub(super) fn record(&self, recorder: &mut Recorder<'_>, name: &str, push: &GridPush) {
+        if let Some(list) = &self.list {
             recorder.clear_start(&format!("{name}.tiles.clear"), list, 4 * u64::from(PIXELS_FIRST));
-            recorder.clear_image(&format!("{name}.clear"), image, [0.0; 4]);
         }
         self.find.record(recorder, push, self.groups);
     }
@@ -191,14 +192,7 @@ impl RouteDesc<'_> {
         let (gpu, name, options) = (self.gpu(), self.name, technique.options());
         let segments = technique.segments();
         let format = vk::Format::R32G32B32A32_SFLOAT;
-        let image = own_image(
-            gpu,
-            name,
-            format,
-            vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::TRANSFER_DST,
-            self.view,
-            self.target,
-        )?;
+        let image = own_image(gpu, name, format, vk::ImageUsageFlags::STORAGE, self.view, self.target)?;
         let skips = options.empty_space == EmptySpace::Skip && options.prefilter != Prefilter::Mip;
         let greatest = scene.scene().mode == Mode::Maximum;
         // A variant that reads no bricks binds the knots in their place.
@@ -209,7 +203,7 @@ impl RouteDesc<'_> {
             let visible = scene.bricks(scene.margin(segments.as_ref()))?;
             // Surfaces are drawn in all tiles.
             let lists = self.target.layers.is_none() && self.target.redrawn.is_none();
-            tiles = Some(TileIntervals::new(gpu, name, &visible, self.view, lists)?);
+            tiles = Some(TileIntervals::new(gpu, name, &visible, self.view, &image, lists)?);
             bricks = visible.alone;
         }
         let list = tiles.as_ref().and_then(|tiles| tiles.list.as_ref());
