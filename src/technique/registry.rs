@@ -1,5 +1,6 @@
 //! The registry of techniques: it lists them all, finds them by name and dispatches calls to them.
 
+use std::fmt;
 use std::sync::{Arc, OnceLock};
 
 use crate::error::{Error, Result};
@@ -77,6 +78,15 @@ macro_rules! techniques {
                 match self { $(Self::$technique(options) => declare::pairs(options),)* }
             }
 
+            /// Its options that differ from their defaults.
+            #[must_use]
+            pub fn changed(&self) -> Vec<(&'static str, String)> {
+                let infos = self.method().options();
+                let is_default =
+                    |key: &str, value: &str| infos.iter().any(|info| info.key == key && info.default == value);
+                self.option_pairs().into_iter().filter(|(key, value)| !is_default(key, value)).collect()
+            }
+
             /// Returns which pixels are drawn.
             pub(crate) fn drawn(&self) -> Drawn {
                 match self { $(Self::$technique(options) => draw::drawn(options),)* }
@@ -91,6 +101,17 @@ macro_rules! techniques {
             }
         }
     };
+}
+
+impl fmt::Display for Technique {
+    /// Writes the name, and after a colon the options that differ from their defaults: [`Technique::parse`] reads it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.method().name())?;
+        for (i, (key, value)) in self.changed().into_iter().enumerate() {
+            write!(f, "{}{key}={value}", if i == 0 { ":" } else { "," })?;
+        }
+        Ok(())
+    }
 }
 
 techniques! {
@@ -292,13 +313,12 @@ impl Technique {
         target: &Canvas,
     ) -> Result<Box<dyn Prepared>> {
         self.method().check_mode(scene.scene())?;
-        let splats = !self.method().facts().kernels.is_empty();
-        if splats && !self.method().draws(&scene.scene().data) {
-            let (name, kind) = (self.method().name(), scene.scene().data.kind());
-            let why = format!("{name} draws grids and points: the scene holds a {kind}");
+        if !self.method().draws(&scene.scene().data) {
+            let (name, kinds, kind) = (self.method().name(), self.method().data(), scene.scene().data.kind());
+            let why = format!("{name}: draws data of the kind {}, not {kind}", kinds.join(" or "));
             return Err(Error::invalid("technique", why));
         }
-        if scene.scene().kernels.is_some() && !splats {
+        if scene.scene().kernels.is_some() && self.method().facts().kernels.is_empty() {
             let linear = if scene.scene().mesh().is_some() { "linear cells" } else { "trilinear grids" };
             let why = format!("{} draws {linear}: the scene has kernels", self.method().name());
             return Err(Error::invalid("technique", why));

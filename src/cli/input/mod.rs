@@ -15,6 +15,6 @@ pub(crate) use scene::{Input, Settings, drawn};
 pub(crate) use scene_file::edited;
 pub(crate) use scene_file::{lighting_json, projection, rows, scene_file};
 pub(crate) use technique::{
-    Request, Wanted, all_routes, by_route, changed, is_refusal, options_json, options_text, too_many_splats,
+    Request, Wanted, all_routes, by_route, is_refusal, options_json, options_text, too_many_splats,
     with_options,
 };

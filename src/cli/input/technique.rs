@@ -100,18 +100,10 @@ pub(crate) fn options_json(technique: &Technique) -> Value {
     Value::Object(pairs.map(|(key, text)| (key.to_string(), typed(text))).collect::<Map<_, _>>())
 }
 
-/// Returns the options that differ from their defaults.
-pub(crate) fn changed(technique: &Technique) -> Vec<(&'static str, String)> {
-    let infos = technique.method().options();
-    let is_default =
-        |key: &str, value: &str| infos.iter().any(|info| info.key == key && info.default == value);
-    technique.option_pairs().into_iter().filter(|(key, value)| !is_default(key, value)).collect()
-}
-
 /// Returns the options that differ from their defaults, as `key=value,...`, without `route`, which tables show in a
 /// column of its own.
 pub(crate) fn options_text(technique: &Technique) -> String {
-    let shown = changed(technique).into_iter().filter(|(key, _)| *key != "route");
+    let shown = technique.changed().into_iter().filter(|(key, _)| *key != "route");
     shown.map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>().join(",")
 }
 

@@ -11,6 +11,7 @@ use serde_json::{Map, Value, json};
 
 use crate::error::{Error, Result};
 use crate::io::options::ReadOptions;
+use crate::io::report::Loaded;
 use crate::io::scene_file::data::SceneData;
 use crate::io::scene_file::gaussians::GaussiansSpec;
 use crate::io::scene_file::kernels::{KernelsSpec, Kind};
@@ -22,7 +23,7 @@ use crate::io::scene_file::surfaces::SurfaceSpec;
 use crate::io::scene_file::technique::TechniqueChoice;
 use crate::io::scene_file::transfer::TransferSpec;
 use crate::io::scene_file::volume::VolumeSpec;
-use crate::scene::{Camera, Clip, Kernels, Lighting, Mode, Projection, View};
+use crate::scene::{Camera, Clip, Data, Kernels, Lighting, Mode, Projection, View};
 
 /// A scene of volraster: the data, and how it is drawn. It has exactly one of `volume`, `mesh`, `points` and `gaussians`.
 #[derive(Deserialize, JsonSchema)]
@@ -90,13 +91,7 @@ impl Document {
     /// Takes the description of the data, which must be of one kind.
     pub(crate) fn data(&mut self, path: &Path) -> Result<DataSpec> {
         const RULE: &str = "a scene has one of `volume`, `mesh`, `points` and `gaussians`";
-        let all = [
-            ("volume", self.volume.take().map(|volume| DataSpec::Volume(Box::new(volume)))),
-            ("mesh", self.mesh.take().map(DataSpec::Mesh)),
-            ("points", self.points.take().map(DataSpec::Points)),
-            ("gaussians", self.gaussians.take().map(DataSpec::Gaussians)),
-        ];
-        let mut given = all.into_iter().filter_map(|(key, spec)| Some((key, spec?)));
+        let mut given = self.take_data();
         let Some((_, first)) = given.next() else {
             let rule = "missing: a scene needs data, in `volume`, `mesh`, `points` or `gaussians`";
             return Err(Error::file(path, "volume", rule));
@@ -105,6 +100,25 @@ impl Document {
             Some((key, _)) => Err(Error::file(path, key, RULE)),
             None => Ok(first),
         }
+    }
+
+    /// Takes data that is given beside the document, which must describe none.
+    pub(crate) fn given(&mut self, path: &Path, loaded: Loaded) -> Result<DataSpec> {
+        match self.take_data().next() {
+            Some((key, _)) => Err(Error::file(path, key, "the data is given: a scene has no other")),
+            None => Ok(DataSpec::Given(Box::new(loaded))),
+        }
+    }
+
+    /// Takes all descriptions of data, with their keys.
+    fn take_data(&mut self) -> impl DoubleEndedIterator<Item = (&'static str, DataSpec)> + use<> {
+        let all = [
+            ("volume", self.volume.take().map(|volume| DataSpec::Volume(Box::new(volume)))),
+            ("mesh", self.mesh.take().map(DataSpec::Mesh)),
+            ("points", self.points.take().map(DataSpec::Points)),
+            ("gaussians", self.gaussians.take().map(DataSpec::Gaussians)),
+        ];
+        all.into_iter().filter_map(|(key, spec)| Some((key, spec?)))
     }
 }
 
@@ -124,6 +138,8 @@ fn plain(schema: &mut Schema) {
 
 /// The description of the data, before it is read.
 pub(crate) enum DataSpec {
+    /// Data that has been read.
+    Given(Box<Loaded>),
     Volume(Box<VolumeSpec>),
     Mesh(MeshSpec),
     Points(PointsSpec),
@@ -134,6 +150,9 @@ impl DataSpec {
     /// Returns the kernels of the scene, from `kernels` or from the keys of points.
     pub(crate) fn kernels(&self, path: &Path, spec: Option<KernelsSpec>) -> Result<Option<Kernels>> {
         let kind = match self {
+            Self::Given(loaded) if matches!(loaded.data, Data::Points(_)) => Kind::Points,
+            Self::Given(loaded) if matches!(loaded.data, Data::Mesh(_)) => Kind::Mesh,
+            Self::Given(loaded) if matches!(loaded.data, Data::Grid(_)) => Kind::Grid,
             Self::Volume(_) => Kind::Grid,
             Self::Mesh(_) => Kind::Mesh,
             Self::Points(points) => match (points.kernels().key(), &spec) {
@@ -144,17 +163,26 @@ impl DataSpec {
                 }
                 (None, _) => Kind::Points,
             },
-            Self::Gaussians(_) if spec.is_some() => {
+            Self::Given(_) | Self::Gaussians(_) if spec.is_some() => {
                 return Err(Error::file(path, "kernels", "gaussians are kernels of their own"));
             }
-            Self::Gaussians(_) => return Ok(None),
+            Self::Given(_) | Self::Gaussians(_) => return Ok(None),
         };
         spec.map(|spec| spec.check(path, "kernels", kind)).transpose()
+    }
+
+    /// Returns whether the data has colours of its own.
+    pub(crate) fn is_gaussians(&self) -> bool {
+        match self {
+            Self::Given(loaded) => matches!(loaded.data, Data::Gaussians(_)),
+            other => matches!(other, Self::Gaussians(_)),
+        }
     }
 
     /// Reads the data.
     pub(crate) fn load(self, path: &Path, options: &ReadOptions) -> Result<SceneData> {
         let data = match self {
+            Self::Given(loaded) => SceneData::new(path, *loaded),
             Self::Volume(volume) => volume.load(path, options)?,
             Self::Mesh(mesh) => mesh.load(path, options)?,
             Self::Points(points) => points.load(path, options)?,

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::io::file::json::parse_file;
+use crate::io::file::json::{parse, parse_file};
 use crate::io::file::source::Source;
 use crate::io::formats::gaussian::sog;
 use crate::io::formats::raw::layout::is_sidecar;
@@ -195,6 +195,28 @@ impl SceneFile {
         let path = path.as_ref();
         let mut document: Document = parse_file(path, options)?;
         let source = document.data(path)?;
+        Self::build(path, document, source, options)
+    }
+
+    /// Makes a scene of data that is given, and of the text of a scene file without data. Paths of surfaces are relative to the
+    /// current folder.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::load`]; messages call the text `scene`.
+    pub fn with_data(text: &str, loaded: Loaded, options: &ReadOptions) -> Result<LoadedScene> {
+        let path = Path::new("scene");
+        let mut document: Document = parse(path, text.as_bytes())?;
+        let source = document.given(path, loaded)?;
+        Self::build(path, document, source, options)
+    }
+
+    fn build(
+        path: &Path,
+        document: Document,
+        source: DataSpec,
+        options: &ReadOptions,
+    ) -> Result<LoadedScene> {
         if let Some(background) = document.background {
             let valid = background.iter().all(|v| *v >= 0.0 && v.is_finite()) && background[3] <= 1.0;
             if !valid {
@@ -202,7 +224,7 @@ impl SceneFile {
                 return Err(Error::file(path, "background", rule));
             }
         }
-        if matches!(source, DataSpec::Gaussians(_)) {
+        if source.is_gaussians() {
             let given =
                 [("transfer", document.transfer.is_some()), ("lighting", document.lighting.is_some())];
             if let Some((key, _)) = given.into_iter().find(|(_, given)| *given) {

@@ -323,7 +323,7 @@ impl Setting {
 /// Returns whether a rule of trained splats has the options that a technique sets.
 fn suits(technique: &Technique, rule: SplatRule) -> bool {
     let overlaps = rule.overlaps();
-    input::changed(technique).iter().all(|(key, value)| match *key {
+    technique.changed().iter().all(|(key, value)| match *key {
         "order" => !overlaps && (value != "pixel" || rule.has_depth()),
         "step" => overlaps,
         _ => true,
