@@ -6,7 +6,7 @@ CARGO ?= cargo
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-tests build capi install header demo view test-window captures pictures test test-all bench clean distclean
+.PHONY: help setup setup-tests build capi install wheel header demo view test-window captures pictures test test-all bench clean distclean
 
 help: ## This list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -27,6 +27,9 @@ capi: setup ## Build the libraries for C, dynamic and static, optimised
 
 install: setup ## Install the libraries for C with header, pkg-config and CMake files (PREFIX=/usr/local, DESTDIR=)
 	@PREFIX="$(PREFIX)" DESTDIR="$(DESTDIR)" tools/install.sh
+
+wheel: setup-tests ## Build the Python package as a wheel into out/
+	@tools/python.sh --wheel out
 
 header: ## Write include/volraster.h anew
 	$(CARGO) run -q -p volraster-header >include/volraster.h.new

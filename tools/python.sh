@@ -18,7 +18,8 @@ if [ "${1:-}" = --wheel ]; then
 fi
 # pip builds it as a user would, but for the profile.
 MATURIN_PEP517_ARGS='--profile dev' "$python" -m pip install -q ./python pytest
-"$python" -m pytest -q -p no:cacheprovider python/tests
+cargo build -q # whose images shall be the same
+VOLRASTER_PROGRAM=${CARGO_TARGET_DIR:-$PWD/target}/debug/volraster "$python" -m pytest -q -p no:cacheprovider python/tests
 data=$PWD/../shared/data
 if [ ! -d "$data" ]; then echo "no examples: there is no $data" && exit 0; fi
 cd "$scratch"

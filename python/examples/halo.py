@@ -10,7 +10,7 @@ centres = np.load(f"{data}/particles/dark_matter_halo.npy")
 # Every particle has the same mass: a narrower kernel is denser.
 distance = np.linalg.norm(centres - np.median(centres, axis=0), axis=1)
 points = volraster.Points(centres, scalars=distance, radius=0.05 + 0.1 * distance)
-scene = volraster.Scene(points, image={"width": 320, "height": 320})
+scene = volraster.Scene(points, image={"width": 160, "height": 160})
 truth = scene.reference()
 for technique in ("splat-ewa", "splat-ewa:footprint=ewa", "splat-sheets"):
     image = scene.render(technique)

@@ -118,7 +118,7 @@ impl Scene {
         let view = self.view(camera, size)?;
         let scene = self.on_device()?;
         let technique = self.technique(&scene, &view, named, goal)?;
-        let mut frames = Renderer::new(&scene, technique.clone()).frames(&view)?;
+        let mut frames = Renderer::new(&scene, technique).frames(&view)?;
         // The first frame compiles and warms up.
         frames.draw(&view)?;
         let time = frames.draw(&view)?;
@@ -348,9 +348,12 @@ fn device(py: Python<'_>) -> PyResult<(String, String, String)> {
     Ok((report.name.clone(), report.driver.clone(), report.api.clone()))
 }
 
-/// Returns the options of each technique: names, allowed values and defaults.
+/// An option of a technique: name, allowed values and default.
+type OptionParts = (&'static str, String, String);
+
+/// Returns the options of each technique.
 #[pyfunction]
-fn techniques() -> Vec<(&'static str, Vec<(&'static str, String, String)>)> {
+fn techniques() -> Vec<(&'static str, Vec<OptionParts>)> {
     let options = |method: Method| {
         method.options().iter().map(|info| (info.key, info.values.clone(), info.default.clone())).collect()
     };

@@ -362,6 +362,9 @@ mod tests {
                         .map(|(key, text)| (key.to_string(), text))
                         .collect();
                     assert_eq!(Technique::new(method, &pairs).unwrap(), technique, "{text}: {pairs:?}");
+                    // Defaults are left out, as are those that were given.
+                    let again = Technique::parse(&technique.to_string()).unwrap();
+                    assert_eq!(again.changed(), technique.changed(), "{technique}");
                 }
                 let error = Technique::parse(&format!("{}:{}=?", method.name(), option.key)).unwrap_err();
                 assert!(

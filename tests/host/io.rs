@@ -12,10 +12,10 @@ use volraster::Image;
 use volraster::Result;
 use volraster::io::scene_file::{LoadedScene, PRESETS, SceneFile};
 use volraster::io::{
-    Endian, RawLayout, ReadOptions, SampleType, known_formats, read_exr, read_grid, read_raw, write_exr,
-    write_image, write_png,
+    Data, Endian, Loaded, RawLayout, ReadOptions, Report, SampleType, known_formats, read_exr, read_grid,
+    read_raw, write_exr, write_image, write_png,
 };
-use volraster::scene::{Anatomy, Field, Grid, Lighting, Mode, Projection, Samples};
+use volraster::scene::{Anatomy, Field, Grid, Kernel, Lighting, Mode, Points, Projection, Samples};
 
 /// The message, after checking that it is one line and names the file.
 #[track_caller]
@@ -976,6 +976,29 @@ fn scene_files_are_refused_by_place_and_rule() {
     contains(&refusal(SceneFile::load(&path, &OPTIONS), &path), &["volume", "missing"]);
     let path = folder.write("scene.json", "[".repeat(100_000));
     refusal(SceneFile::load(&path, &OPTIONS), &path);
+}
+
+/// Data in memory takes all that a scene file says of its kind but the data itself.
+#[test]
+fn scene_files_describe_data_that_is_given() {
+    let points: Data = Points::new(vec![DVec3::ZERO, DVec3::X]).unwrap().into();
+    let splats: Data = Field::Blobs.splats(9).unwrap().into();
+    let with = |data: &Data, text: &str| {
+        let given = Loaded { data: data.clone(), report: Report::default() };
+        SceneFile::with_data(text, given, &OPTIONS)
+    };
+    let text = r#"{"kernels": {"kernel": "bspline"}, "image": {"width": 7, "height": 5}}"#;
+    let loaded = with(&points, text).unwrap();
+    assert_eq!([loaded.width, loaded.height], [7, 5]);
+    assert_eq!(loaded.scene.kernels.unwrap().kernel, Kernel::BSpline);
+    assert!(with(&splats, "{}").is_ok());
+    let refused = |data: &Data, text: &str, parts: &[&str]| {
+        contains(&refusal(with(data, text), Path::new("scene")), parts);
+    };
+    refused(&points, r#"{"mesh": {"file": "a.vtu"}}"#, &["mesh", "given"]);
+    refused(&points, r#"{"width": 7}"#, &["width", "unknown"]);
+    refused(&splats, r#"{"kernels": {"kernel": "tent"}}"#, &["kernels", "of their own"]);
+    refused(&splats, r#"{"transfer": {"preset": "fog"}}"#, &["transfer"]);
 }
 
 // ---------------------------------------------------------------------------------------------------
