@@ -219,7 +219,7 @@ fn shards_of_googletest_take_each_test_once() {
 fn emulated_limits_show_fallbacks_and_refusals() {
     let file = path("selftest-emulated.json");
     let cases = ["--filter", "upload/slabs", "--filter", "draw/havs:route", "-o", file.to_str().unwrap()];
-    let emulated = ["--emulate", "no-features,loop=2000,subgroup=4,buffer=64KiB"];
+    let emulated = ["--emulate", "no-features,loop=2000,subgroup=4,buffer=320KiB"];
     let (code, out, err) = run(&[&emulated[..], &cases[..]].concat(), &[]);
     assert_eq!(code, Some(0), "{out}{err}");
     assert!(out.contains("the device lacks blend-rgba32f: accumulation in registers"), "{out}");
