@@ -18,5 +18,5 @@ pub(crate) mod target;
 pub(crate) mod upsampling;
 
 pub use offscreen::Offscreen;
-pub use plan::{Plan, Recorded, Status};
+pub use plan::{Plan, RecordInfo, Recorded, Status};
 pub use target::{TargetDesc, TargetMode};

@@ -85,6 +85,18 @@ pub struct Plan {
     in_flight: Arc<()>,
 }
 
+/// All that a recording is given.
+#[derive(Clone, Debug, Default)]
+pub struct RecordInfo<'a> {
+    /// The image that [`TargetDesc::caller`] announced.
+    pub target: Option<&'a TargetImage>,
+    /// The image that [`TargetDesc::with_depth`] announced.
+    pub depth: Option<&'a DepthImage>,
+    /// Is kept until the recording is [completed](Recorded::completed) or [discarded](Recorded::discarded): for instance the owner of
+    /// the views that the commands name, where nothing else of the engine's keeps them until the submission has ended.
+    pub owner: Option<Arc<dyn Any + Send + Sync>>,
+}
+
 /// The report of a completed recording. `Send` and `Sync`.
 #[derive(Clone, Debug)]
 pub struct Status {
@@ -262,11 +274,9 @@ impl Plan {
 
     /// Records the frame into the caller's command buffer. Does not submit, wait or allocate device memory.
     ///
-    /// The command buffer, the target and the depth image must live until the submission has ended; [`Plan::record_keeping`] keeps
-    /// their owner.
-    ///
     /// `target` is the image that [`TargetDesc::caller`] announced, and `None` for [`TargetDesc::own`]. `depth` is the image that
-    /// [`TargetDesc::with_depth`] announced.
+    /// [`TargetDesc::with_depth`] announced. They and the command buffer must live until the submission has ended;
+    /// [`Plan::record_with`] keeps their owner.
     ///
     /// # Errors
     ///
@@ -279,33 +289,57 @@ impl Plan {
         target: Option<&TargetImage>,
         depth: Option<&DepthImage>,
     ) -> Result<Recorded> {
-        self.record_owned(commands, target, depth, None)
+        self.record_with(commands, RecordInfo { target, depth, ..RecordInfo::default() })
     }
 
-    /// Records as [`Plan::record`], and keeps `owner` until the recording is [completed](Recorded::completed) or
-    /// [discarded](Recorded::discarded): for instance the views that the commands name, where nothing else of the engine's keeps them
-    /// until the submission has ended.
+    /// Records as [`Plan::record`], with all that a recording may be given.
     ///
     /// # Errors
     ///
     /// As [`Plan::record`].
-    pub fn record_keeping(
-        &mut self,
-        commands: &mut CommandBuffer,
-        target: Option<&TargetImage>,
-        depth: Option<&DepthImage>,
-        owner: Arc<dyn Any + Send + Sync>,
-    ) -> Result<Recorded> {
-        self.record_owned(commands, target, depth, Some(owner))
+    pub fn record_with(&mut self, commands: &mut CommandBuffer, info: RecordInfo<'_>) -> Result<Recorded> {
+        self.check(commands, &info)?;
+        let steps = self.steps_of(commands, &info)?;
+        let recorder = Recorder::new(&self.gpu, commands, self.timers.clone());
+        let (passes, keep) = recorder.finish_together(vec![steps])?;
+        Ok(self.recorded(self.timers.clone(), passes, keep, info.owner))
     }
 
-    fn record_owned(
-        &mut self,
+    /// Records the frames of several plans of one device into one command buffer: the eyes of a stereo pair, the faces of a cube, or
+    /// different scenes. Their passes lie side by side, each beside those of the other plans with the same number, and none waits for
+    /// another of these unless they share a target. A device that one frame does not fill draws them in less than the sum of their times. The
+    /// images are those of single recordings, to the bit.
+    ///
+    /// Each recording is completed on its own. [`Status::passes`] of the one with the most passes has all times; those of the others
+    /// are empty.
+    ///
+    /// # Errors
+    ///
+    /// As [`Plan::record`], and [`Error::Invalid`] for plans of several devices. After an error nothing was recorded.
+    pub fn record_together(
         commands: &mut CommandBuffer,
-        target: Option<&TargetImage>,
-        depth: Option<&DepthImage>,
-        owner: Option<Arc<dyn Any + Send + Sync>>,
-    ) -> Result<Recorded> {
+        plans: &mut [(&mut Plan, RecordInfo<'_>)],
+    ) -> Result<Vec<Recorded>> {
+        plans.iter().try_for_each(|(plan, info)| plan.check(commands, info))?;
+        let lists = plans.iter_mut().map(|(plan, info)| plan.steps_of(commands, info));
+        let lists = lists.collect::<Result<Vec<_>>>()?;
+        let Some(longest) = (0..lists.len()).max_by_key(|&i| (passes(&lists[i]), usize::MAX - i)) else {
+            return Ok(Vec::new());
+        };
+        let (first, _) = &plans[longest];
+        let timers = first.timers.clone();
+        let (names, keep) = Recorder::new(&first.gpu, commands, timers.clone()).finish_together(lists)?;
+        let of_plan = |(i, (plan, info)): (usize, &mut (&mut Plan, RecordInfo<'_>))| {
+            let (timers, names) =
+                if i == longest { (timers.clone(), names.clone()) } else { Default::default() };
+            plan.recorded(timers, names, keep.clone(), info.owner.take())
+        };
+        Ok(plans.iter_mut().enumerate().map(of_plan).collect())
+    }
+
+    /// Checks what a recording is given.
+    fn check(&self, commands: &CommandBuffer, info: &RecordInfo<'_>) -> Result<()> {
+        let &RecordInfo { target, depth, .. } = info;
         self.gpu.alive()?;
         let device = self.gpu.device().handle();
         let strange = target.is_some_and(|target| target.device != device)
@@ -329,7 +363,13 @@ impl Plan {
             }
             (None, _) => {}
         }
-        let mut recorder = Recorder::new(&self.gpu, commands, self.timers.clone());
+        Ok(())
+    }
+
+    /// Returns the steps of a recording that has been checked.
+    fn steps_of(&mut self, commands: &CommandBuffer, info: &RecordInfo<'_>) -> Result<Vec<Step>> {
+        let &RecordInfo { target, depth, .. } = info;
+        let mut recorder = Recorder::new(&self.gpu, commands, None);
         if let Some(counts) = &self.counts {
             counts.record_begin(&mut recorder);
         }
@@ -338,42 +378,43 @@ impl Plan {
         }
         self.prepared.record(&mut recorder, target, self.target.mode() == TargetMode::Clear);
         self.record_after(&mut recorder, target, false);
-        let used = |resource: Used| last_use(recorder.steps(), resource.key());
+        let steps = recorder.into_steps();
+        let used = |resource: Used| last_use(&steps, resource.key());
         self.last_uses = [
             self.final_image().and_then(|image| used(Used::Image(Arc::clone(image)))),
             self.prepared.overflow().and_then(|words| used(Used::Buffer(Arc::clone(words)))),
         ];
-        let counted = passes(recorder.steps());
+        let counted = passes(&steps);
         debug_assert!(counted <= self.most_passes, "{counted} passes, {} timers", self.most_passes);
         debug_assert!(
-            recorder
-                .steps()
-                .iter()
-                .filter_map(|step| step.work.pipeline())
-                .all(|pipeline| pipeline.is_built()),
+            steps.iter().filter_map(|step| step.work.pipeline()).all(|pipeline| pipeline.is_built()),
             "a pipeline is not built yet"
         );
-        let (passes, keep) = recorder.finish()?;
+        Ok(steps)
+    }
+
+    /// Returns what a recording holds until its submission has ended.
+    fn recorded(
+        &self,
+        timers: Option<Arc<Timers>>,
+        passes: Vec<String>,
+        keep: Keep,
+        owner: Option<Arc<dyn Any + Send + Sync>>,
+    ) -> Recorded {
         let surfaces = self.surfaces.as_ref().map(SurfaceFrame::outcome);
         let refined = self.upsampling.as_ref().and_then(Upsampling::outcome);
         let counts = self.counts.as_ref().map(Counts::outcome);
+        let outcomes = self.prepared.outcome().into_iter().chain(surfaces).chain(refined).chain(counts);
         let held = Held {
             gpu: self.gpu.clone(),
             keep,
-            timers: self.timers.clone(),
+            timers,
             passes,
-            outcomes: self
-                .prepared
-                .outcome()
-                .into_iter()
-                .chain(surfaces)
-                .chain(refined)
-                .chain(counts)
-                .collect(),
+            outcomes: outcomes.collect(),
             _in_flight: Arc::clone(&self.in_flight),
             _owner: owner,
         };
-        Ok(Recorded { held: std::mem::ManuallyDrop::new(held) })
+        Recorded { held: std::mem::ManuallyDrop::new(held) }
     }
 
     /// Checks that the target is the one that the plan was made for.

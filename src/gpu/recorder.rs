@@ -2,6 +2,7 @@
 //! pass gets a label and a timestamp.
 
 use std::any::Any;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use ash::vk;
@@ -17,12 +18,89 @@ use super::image::{Image, whole};
 use super::instance::c_name;
 use super::pipeline::Pipeline;
 use super::steps::{Attachment, Groups, Step, Used, Work};
-use super::sync::{Barrier, Tracker, Use};
+use super::sync::{Barrier, Key, Tracker, Use};
 use super::timers::Timers;
 use crate::error::Result;
 
 /// The resources of a recording, kept alive until its submission has ended.
 pub(crate) type Keep = Vec<Arc<dyn Any + Send + Sync>>;
+
+/// The passes with the same number of several lists of steps.
+struct Round<'a> {
+    /// Steps before them that are no passes.
+    before: Vec<&'a Step>,
+    /// Passes, in groups of which none waits for another of its group.
+    passes: Vec<Vec<&'a Step>>,
+}
+
+impl Round<'_> {
+    /// Returns the name of the first pass.
+    fn name(&self) -> Option<String> {
+        self.passes.iter().flatten().next().map(|step| step.name.clone())
+    }
+}
+
+/// A list of steps, those that are left, and where each resource is used and written last.
+struct Rest<'a> {
+    steps: &'a [Step],
+    next: usize,
+    last: HashMap<Key, [Option<usize>; 2]>,
+}
+
+impl<'a> Rest<'a> {
+    fn new(steps: &'a [Step]) -> Self {
+        let mut last: HashMap<Key, [Option<usize>; 2]> = HashMap::new();
+        for (i, step) in steps.iter().enumerate() {
+            for (used, usage) in &step.uses {
+                let places = last.entry(used.key()).or_default();
+                places[0] = Some(i);
+                places[1] = if usage.writes() { Some(i) } else { places[1] };
+            }
+        }
+        Self { steps, next: 0, last }
+    }
+
+    /// Returns the steps up to and including the next pass.
+    fn coming(&self) -> &'a [Step] {
+        let left = &self.steps[self.next..];
+        &left[..left.iter().position(Step::is_pass).map_or(left.len(), |pass| pass + 1)]
+    }
+
+    /// Returns whether a step must wait for one of those that are left: it writes what that uses, or uses what that writes.
+    fn delays(&self, step: &Step) -> bool {
+        step.uses.iter().any(|(used, usage)| {
+            let places = self.last.get(&used.key());
+            places.and_then(|[any, write]| if usage.writes() { *any } else { *write }) >= Some(self.next)
+        })
+    }
+}
+
+/// Puts the passes of several lists of steps beside each other. What a list shares with one before it is used in that order.
+fn rounds_of(lists: &[Vec<Step>]) -> Vec<Round<'_>> {
+    let mut rests: Vec<Rest<'_>> = lists.iter().map(|steps| Rest::new(steps)).collect();
+    let mut rounds = Vec::new();
+    while rests.iter().any(|rest| rest.next < rest.steps.len()) {
+        let mut round = Round { before: Vec::new(), passes: Vec::new() };
+        for i in 0..rests.len() {
+            let (earlier, rest) = rests.split_at_mut(i);
+            let Some(rest) = rest.first_mut() else { continue };
+            let coming = rest.coming();
+            if coming.iter().any(|step| earlier.iter().any(|earlier| earlier.delays(step))) {
+                continue;
+            }
+            rest.next += coming.len();
+            let (before, pass) = coming.split_at(coming.partition_point(|step| !step.is_pass()));
+            round.before.extend(before);
+            let Some(pass) = pass.first() else { continue };
+            match round.passes.last_mut() {
+                Some(group) if !group.iter().any(|other| pass.meets(other)) => group.push(pass),
+                _ => round.passes.push(vec![pass]),
+            }
+        }
+        rounds.push(round);
+    }
+    rounds
+}
 
 /// Collects steps, and records them into a command buffer.
 #[derive(Debug)]
@@ -49,11 +127,6 @@ impl<'a> Recorder<'a> {
             timers: None,
             steps: Vec::new(),
         }
-    }
-
-    /// Returns the steps so far.
-    pub(crate) fn steps(&self) -> &[Step] {
-        &self.steps
     }
 
     /// Returns the steps, and records nothing.
@@ -221,10 +294,17 @@ impl<'a> Recorder<'a> {
     /// resources to keep until the submission has ended. After an error nothing was recorded.
     pub(crate) fn finish(mut self) -> Result<(Vec<String>, Keep)> {
         let steps = std::mem::take(&mut self.steps);
-        let passes = steps.iter().filter(|step| step.is_pass()).map(|step| step.name.clone()).collect();
+        self.finish_together(vec![steps])
+    }
+
+    /// Records as [`Recorder::finish`] the steps of several recordings, pass beside pass: of those with the same number none waits for
+    /// another, and they have one timestamp and the name of the first.
+    pub(crate) fn finish_together(mut self, lists: Vec<Vec<Step>>) -> Result<(Vec<String>, Keep)> {
+        let rounds = rounds_of(&lists);
+        let mut passes: Vec<String> = rounds.iter().filter_map(Round::name).collect();
         let Some(commands) = self.commands else { return Ok((passes, Keep::new())) };
         let gpu = self.gpu.clone();
-        gpu.build(steps.iter().filter_map(|step| step.work.pipeline()))?;
+        gpu.build(lists.iter().flatten().filter_map(|step| step.work.pipeline()))?;
         let _held = gpu.lock_layer();
         if let Some(timers) = &self.timers {
             // SAFETY: the command buffer is recording, outside of rendering; the last submission that used the
@@ -233,17 +313,28 @@ impl<'a> Recorder<'a> {
                 gpu.device().cmd_reset_query_pool(commands.raw(), timers.pool, 0, timers.passes + 1);
             }
         }
-        let mut pass = 0;
-        for step in &steps {
-            self.barriers(commands, step);
-            if step.is_pass() {
-                self.stamp(commands.raw(), pass);
-                self.issue_pass(commands, step);
-                pass += 1;
+        // Recordings that wait for each other may have more rounds than timers: the last one then takes the rest.
+        let most = self.timers.as_ref().map_or(u32::MAX, |timers| timers.passes);
+        passes.truncate(crate::num::index(most));
+        let mut number = 0;
+        for round in &rounds {
+            for step in &round.before {
+                self.barriers(commands, &[step]);
+            }
+            for (i, group) in round.passes.iter().enumerate() {
+                self.barriers(commands, group);
+                if i == 0 && number < most {
+                    self.stamp(commands.raw(), number);
+                    number += 1;
+                }
+                for step in group {
+                    self.issue_pass(commands, step);
+                }
             }
         }
-        self.stamp(commands.raw(), pass);
-        let mut keep: Keep = vec![Arc::new(steps)];
+        self.stamp(commands.raw(), number);
+        drop(rounds);
+        let mut keep: Keep = vec![Arc::new(lists)];
         keep.extend(self.timers.map(|timers| timers as _));
         Ok((passes, keep))
     }
@@ -258,7 +349,7 @@ impl<'a> Recorder<'a> {
             unsafe { debug.cmd_begin_debug_utils_label(raw, &label) };
         }
         let gpu = self.gpu.clone();
-        gpu.issue(raw, &step.work, || self.barriers(commands, step));
+        gpu.issue(raw, &step.work, || self.barriers(commands, &[step]));
         if let Some(debug) = &self.gpu.inner.debug {
             // SAFETY: a label was begun in this command buffer above.
             unsafe { debug.cmd_end_debug_utils_label(raw) };
@@ -266,13 +357,15 @@ impl<'a> Recorder<'a> {
         commands.next_part();
     }
 
-    /// Records the barriers before the uses of a step, in one command.
-    fn barriers(&mut self, commands: &CommandBuffer, step: &Step) {
-        if let Work::Inherit(used, last) = &step.work {
-            self.tracker.begin_after(used.key(), *last);
+    /// Records the barriers before the uses of steps, in one command.
+    fn barriers(&mut self, commands: &CommandBuffer, steps: &[&Step]) {
+        for step in steps {
+            if let Work::Inherit(used, last) = &step.work {
+                self.tracker.begin_after(used.key(), *last);
+            }
         }
         let (mut of_memory, mut of_images) = (Vec::new(), Vec::new());
-        for (used, usage) in &step.uses {
+        for (used, usage) in steps.iter().flat_map(|step| &step.uses) {
             let key = used.key();
             match used {
                 // An image that this recording has not written was made ready before; its contents are kept.
@@ -306,10 +399,6 @@ impl<'a> Recorder<'a> {
     /// Writes the timestamp before a pass, or the one after the last. It waits for earlier work, whose time does not count for the pass.
     fn stamp(&self, raw: vk::CommandBuffer, number: u32) {
         let Some(timers) = &self.timers else { return };
-        debug_assert!(number <= timers.passes, "pass {number} has no timer");
-        if number > timers.passes {
-            return;
-        }
         // SAFETY: recording; the query was reset in this command buffer and is written once.
         unsafe {
             self.gpu.device().cmd_write_timestamp2(raw, super::sync::END_OF_ALL, timers.pool, number);
@@ -337,4 +426,47 @@ fn image_barrier(image: vk::Image, barrier: &Barrier) -> vk::ImageMemoryBarrier2
         .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
         .image(image)
         .subresource_range(whole(vk::ImageAspectFlags::COLOR))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::BufferUse;
+    use crate::gpu::testing::TestGpu;
+
+    /// Passes of several lists lie beside each other, in the order of the lists where they share what one of them writes.
+    #[test]
+    fn passes_that_share_a_resource_keep_the_order_of_their_lists() {
+        let gpu = TestGpu::new();
+        let buffers = ["a", "b", "c", "d", "shared"].map(|name| {
+            let buffer = Buffer::new(&gpu, name, 64, BufferUse::ShaderWrite).unwrap();
+            (name, Arc::new(buffer))
+        });
+        let list = |names: &[&str]| {
+            let mut recorder = Recorder::collecting(&gpu);
+            for name in names {
+                let (_, buffer) = buffers.iter().find(|(known, _)| known == name).unwrap();
+                recorder.clear_buffer(name, buffer);
+            }
+            recorder.into_steps()
+        };
+        let groups = |lists: &[Vec<Step>]| -> Vec<Vec<String>> {
+            let rounds = rounds_of(lists);
+            let groups = rounds.iter().flat_map(|round| &round.passes);
+            groups.map(|group| group.iter().map(|step| step.name.clone()).collect()).collect()
+        };
+        let apart = [list(&["a", "b"]), list(&["c"])];
+        assert_eq!(groups(&apart), [vec!["a", "c"], vec!["b"]]);
+        let in_one_round = [list(&["a", "shared"]), list(&["b", "shared"]), list(&["c", "d"])];
+        assert_eq!(groups(&in_one_round), [vec!["a", "b", "c"], vec!["shared"], vec!["shared", "d"]]);
+        let one_waits = [list(&["a", "b", "shared"]), list(&["shared", "c"])];
+        assert_eq!(groups(&one_waits), [vec!["a"], vec!["b"], vec!["shared"], vec!["shared"], vec!["c"]]);
+        // Readers do not wait for each other.
+        let read = |name: &str, to: usize| {
+            let mut recorder = Recorder::collecting(&gpu);
+            recorder.copy_buffer(name, &buffers[4].1, &buffers[to].1, 64);
+            recorder.into_steps()
+        };
+        assert_eq!(groups(&[read("first", 0), read("second", 1)]), [["first", "second"]]);
+    }
 }

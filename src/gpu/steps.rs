@@ -223,6 +223,15 @@ impl Step {
         }
     }
 
+    /// Returns whether the step must not run beside another one: they share a resource, and not both read it in the same way.
+    pub(super) fn meets(&self, other: &Self) -> bool {
+        let same = |(used, usage): &(Used, Use)| {
+            let shared = other.uses.iter().find(|(of_other, _)| of_other.key() == used.key());
+            shared.is_some_and(|(_, of_other)| usage != of_other || usage.writes())
+        };
+        self.uses.iter().any(same)
+    }
+
     /// Returns whether the step is a pass, which has a timestamp.
     pub(crate) fn is_pass(&self) -> bool {
         !matches!(self.work, Work::Leave | Work::Inherit(..))

@@ -7,10 +7,10 @@ use crate::common::caller::Caller;
 use crate::common::*;
 use glam::DVec3;
 use volraster::ash::vk;
-use volraster::gpu::{DepthImage, DepthProjection, Gpu, GpuOptions, PipelineCache};
-use volraster::scene::{Clip, Field, Scene, TransferFunction, View};
+use volraster::gpu::{DepthImage, DepthProjection, Gpu, GpuOptions, PipelineCache, TargetImage};
+use volraster::scene::{Clip, Field, KernelSize, Scene, TransferFunction, View};
 use volraster::technique::{Renderer, Technique};
-use volraster::{GpuScene, TargetDesc, TargetMode};
+use volraster::{GpuScene, Plan, RecordInfo, TargetDesc, TargetMode};
 
 fn srgb(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
@@ -106,6 +106,80 @@ fn the_volume_lands_in_the_caller_s_image() {
                     }
                 }
             }
+        }
+    }
+}
+
+/// Two eyes that are recorded together, of one scene or of two, are those of single recordings to the bit. They share the image that
+/// they draw into, where one must wait for the other. The layers watch.
+#[test]
+fn frames_recorded_together_are_those_recorded_one_by_one() {
+    let gpu = gpu();
+    let timed = gpu.has(volraster::gpu::OptionalFeature::Timestamps);
+    let grid = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
+    let transfer = TransferFunction::from_rows(&FOG).unwrap();
+    let mesh = GpuScene::new(&gpu, Scene::new(Field::Blobs.tets(5).unwrap(), transfer.clone()));
+    let points = Field::Blobs.points(300).unwrap().with_size(KernelSize::Radius(0.2)).unwrap();
+    let points = GpuScene::new(&gpu, Scene::new(points, transfer));
+    let mut pairs = vec![
+        [(&mesh, "havs"), (&mesh, "havs")],
+        [(&mesh, "havs:k=2,chunk=9"), (&mesh, "abuffer")],
+        [(&points, "splat-ewa"), (&points, "splat-ewa")],
+        [(&points, "splat-sheets"), (&grid, "raycast:tolerance=1e-3")],
+        [(&grid, "slices-3d:resolution=half,refine=1e-3"), (&mesh, "projected-tets")],
+    ];
+    if gpu.has(volraster::gpu::OptionalFeature::BlendRgba32f) {
+        pairs.push([(&grid, "slabs:route=raster"), (&grid, "shear-warp")]);
+        pairs.push([(&mesh, "projected-tets:route=raster"), (&mesh, "projected-tets:route=raster")]);
+    }
+    let format = vk::Format::R32G32B32A32_SFLOAT;
+    let target = TargetDesc::caller(format, TargetMode::Over).in_part();
+    // Beside each other, or one over the other.
+    for (pair, apart) in pairs.into_iter().flat_map(|pair| [(pair, 40), (pair, 0)]) {
+        let eye = |side: f64| view(perspective(), 1.0 + side, 40, 30);
+        let draw = |together: bool| {
+            let mut plans = [0, 1].map(|i| {
+                let (scene, spec) = pair[i];
+                let renderer = Renderer::new(scene, Technique::parse(spec).unwrap());
+                let mut plan = renderer.prepare(&eye(0.0), &target).unwrap();
+                assert!(plan.set_view(&eye(0.01 * i as f64)).unwrap());
+                plan
+            });
+            let caller = Caller::new(&gpu, format, [80, 30], 16);
+            caller.begin([0.0, 0.5, 0.25, 1.0]);
+            let mut commands = caller.command_buffer(&gpu);
+            let targets = [0, 1].map(|i| {
+                // SAFETY: image and view live until the test's end, and are 80 pixels wide; the layout is as asked.
+                let half =
+                    unsafe { TargetImage::from_raw(&gpu, caller.image, caller.view, format, [40, 30]) };
+                // SAFETY: the same.
+                unsafe { half.at([apart * i, 0]) }
+            });
+            let info = |i: usize| RecordInfo { target: Some(&targets[i]), ..RecordInfo::default() };
+            let recorded = if together {
+                let [left, right] = &mut plans;
+                Plan::record_together(&mut commands, &mut [(left, info(0)), (right, info(1))]).unwrap()
+            } else {
+                let each = plans.iter_mut().enumerate();
+                each.map(|(i, plan)| plan.record_with(&mut commands, info(i)).unwrap()).collect()
+            };
+            let bytes = caller.end(&gpu);
+            let passes: Vec<usize> = recorded
+                .into_iter()
+                .map(|recorded| {
+                    let status = recorded.completed().unwrap();
+                    assert!(status.complete);
+                    status.passes.len()
+                })
+                .collect();
+            (bytes, passes)
+        };
+        let ((one_by_one, single), (together, shared)) = (draw(false), draw(true));
+        assert!(one_by_one == together, "{:?}, {apart} apart", pair.map(|(_, spec)| spec));
+        if timed {
+            // Only composites wait, each for the one before.
+            let (most, sum) = (single.iter().max().copied().unwrap_or(0), shared.iter().sum::<usize>());
+            assert!(sum == most || sum == most + 1, "{single:?}, {shared:?}");
         }
     }
 }

@@ -1,11 +1,12 @@
 //! What lives how long: device, plan, recording and textures end in any order, and notes of a loss keep nothing alive.
 
+use std::any::Any;
 use std::sync::Arc;
 
 use volraster::gpu::GpuParts;
 use volraster::scene::Field;
 use volraster::technique::Renderer;
-use volraster::{Error, GpuScene, Recorded, TargetDesc, TargetMode};
+use volraster::{Error, GpuScene, RecordInfo, Recorded, TargetDesc, TargetMode};
 
 use super::common::caller::{Caller, Signal};
 use super::common::*;
@@ -52,8 +53,9 @@ fn every_order_of_drops_ends_clean() {
         let frame = &textures.frame;
         frame.begin([0.0; 4]);
         let (mut commands, image) = (frame.command_buffer(&gpu), frame.target(&gpu));
-        let owner = Arc::clone(&textures);
-        let recorded = plan.record_keeping(&mut commands, Some(&image), None, owner).unwrap();
+        let owner: Option<Arc<dyn Any + Send + Sync>> = Some(Arc::clone(&textures) as _);
+        let info = RecordInfo { target: Some(&image), owner, ..RecordInfo::default() };
+        let recorded = plan.record_with(&mut commands, info).unwrap();
         // A recording may have been submitted, or never.
         let submitted = number % 2 == 0;
         if submitted {
@@ -97,10 +99,14 @@ fn a_recording_keeps_its_owner_until_it_has_ended() {
         let owner = Arc::new(());
         frame.begin([0.0; 4]);
         let (mut commands, image) = (frame.command_buffer(&gpu), frame.target(&gpu));
-        let keep = Arc::clone(&owner);
-        let recorded = plan.record_keeping(&mut commands, Some(&image), None, keep).unwrap();
+        let info = |owner: &Arc<()>| RecordInfo {
+            target: Some(&image),
+            owner: Some(Arc::clone(owner) as _),
+            ..RecordInfo::default()
+        };
+        let recorded = plan.record_with(&mut commands, info(&owner)).unwrap();
         // Refused, because the last one has not ended: what it was given is free again.
-        let refused = plan.record_keeping(&mut commands, Some(&image), None, Arc::clone(&owner) as _);
+        let refused = plan.record_with(&mut commands, info(&owner));
         assert!(refused.unwrap_err().to_string().contains("not been completed"));
         assert_eq!(Arc::strong_count(&owner), 2);
         frame.end(&gpu);

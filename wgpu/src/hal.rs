@@ -8,7 +8,7 @@ use volraster::ash::{ext, vk};
 use volraster::gpu::{
     CommandBuffer, DepthImage, DepthProjection, Enabled, GpuOptions, GpuParts, TargetImage,
 };
-use volraster::{Gpu, Plan, Recorded, Result};
+use volraster::{Gpu, Plan, RecordInfo, Recorded, Result};
 use wgpu::hal::vulkan::Api as Vulkan;
 
 use crate::unsupported;
@@ -138,7 +138,8 @@ pub(crate) fn record(
         order_colours(gpu, raw, image);
         // SAFETY: it belongs to the device and records on this thread, which has the encoder alone; wgpu submits it once, to the queue.
         let mut commands = unsafe { CommandBuffer::from_raw(gpu, raw) };
-        let recorded = plan.record_keeping(&mut commands, Some(&target), depth.as_ref(), Arc::new(owner));
+        let info = RecordInfo { target: Some(&target), depth: depth.as_ref(), owner: Some(Arc::new(owner)) };
+        let recorded = plan.record_with(&mut commands, info);
         order_colours(gpu, raw, image);
         recorded
     };
