@@ -7,6 +7,7 @@
  *     vr_scene_create_*, vr_scene_load  data and transfer function: grids, meshes, points
  *     vr_plan_create                    a technique for a view and a target format
  *     vr_plan_record                    a frame in the caller's command buffer and image
+ *     vr_plans_record                   several frames side by side: a stereo pair
  *     vr_recording_completed            the frame has ended: its status
  *     vr_*_destroy                      handles, in any order
  *
@@ -1537,6 +1538,26 @@ enum vr_result vr_plan_record(struct vr_plan *plan,
                               struct vr_recording **recording);
 
 /**
+ * Records the frames of `count` plans of one device into one command buffer: the eyes of a stereo pair, the faces of a cube. Their
+ * passes lie side by side and wait for each other only where plans share a target, so that a device that one frame does not fill draws
+ * them in less than the sum of their times. Images are those of vr_plan_record(). Writes a recording for each plan, each to be
+ * completed; the status of the one with the most passes has the times of all.
+ *
+ * Fails as vr_plan_record(), and with VR_ERROR_INVALID if a plan is given twice or `commands` differs. Nothing is recorded then, and
+ * `recordings` are NULL.
+ *
+ * Threads: as vr_plan_record().
+ *
+ * # Safety
+ *
+ * As of vr_plan_record(); `plans`, `infos` and `recordings` point to `count` pointers each.
+ */
+enum vr_result vr_plans_record(struct vr_plan *const *plans,
+                               const struct vr_record_info *const *infos,
+                               uint32_t count,
+                               struct vr_recording **recordings);
+
+/**
  * Declares that the submission of a recording has ended: a fence or a semaphore was signalled, or the queue is idle. Frees the
  * resources of the recording, and writes the status of the frame; later calls write the same. `status` may be NULL.
  *
@@ -1585,4 +1606,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: eea9a9a5a6e6f6cd */
+/* Checksum of the sources: 4958d8e4aa0df6d0 */

@@ -1,7 +1,7 @@
 //! Recordings, the depth images that cut them, and the status of a frame.
 
 use std::ffi::{CString, c_char};
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard};
 
 use ash::vk;
 use glam::DMat4;
@@ -11,7 +11,7 @@ use super::plan::vr_plan;
 use super::result::{c_text, call, destroy, lock, make, vr_result};
 use super::vulkan::{VkBool32, VkCommandBuffer, VkExtent2D, VkFormat, VkImage, VkImageLayout, VkImageView};
 use crate::error::{Error, Result};
-use crate::frame::plan::{Recorded, Status};
+use crate::frame::plan::{Plan, RecordInfo, Recorded, Status};
 use crate::gpu::{CommandBuffer, DepthImage, DepthProjection, Gpu, TargetImage};
 use crate::num;
 
@@ -145,6 +145,30 @@ pub struct vr_record_info {
 // SAFETY: repr(C), numbers, handles and pointers, the first its size.
 unsafe impl Structure for vr_record_info {}
 
+impl vr_record_info {
+    /// Returns the target and the depth image for a plan.
+    ///
+    /// # Safety
+    ///
+    /// As [`TargetImage::from_raw`] and [`DepthImage::from_raw`].
+    unsafe fn images(&self, caller: &Caller, plan: &Plan) -> Result<(TargetImage, Option<DepthImage>)> {
+        check_handle(self.commands, "commands")?;
+        check_handle(self.image, "image")?;
+        check_handle(self.view, "view")?;
+        let depth = (!self.depth.is_null()).then(|| caller.structure(self.depth, "vr_depth_image"));
+        // SAFETY: the caller's promise.
+        let depth = depth
+            .transpose()?
+            .map(|depth| unsafe { depth.image(&plan.gpu, plan.is_in_part()) })
+            .transpose()?;
+        let extent = [self.extent.width, self.extent.height];
+        // SAFETY: the caller's promise.
+        let target = unsafe { TargetImage::from_raw(&plan.gpu, self.image, self.view, self.format, extent) };
+        // SAFETY: the caller's promise.
+        Ok((unsafe { target.at(self.corner) }, depth))
+    }
+}
+
 /// Time of one pass.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
@@ -236,25 +260,77 @@ pub unsafe extern "C" fn vr_plan_record(
     make(unsafe { Caller::trusted() }, (recording, "recording"), |caller| {
         let plan = caller.reference(plan, "plan")?;
         let info = caller.structure(info, "vr_record_info")?;
-        check_handle(info.commands, "commands")?;
-        check_handle(info.image, "image")?;
-        check_handle(info.view, "view")?;
         let mut plan = lock(&plan.plan, "plan")?;
-        let depth = (!info.depth.is_null()).then(|| caller.structure(info.depth, "vr_depth_image"));
         // SAFETY: the caller's promise.
-        let depth = depth
-            .transpose()?
-            .map(|depth| unsafe { depth.image(&plan.gpu, plan.is_in_part()) })
-            .transpose()?;
+        let (target, depth) = unsafe { info.images(caller, &plan) }?;
         // SAFETY: the caller's promise.
         let mut commands = unsafe { CommandBuffer::from_raw(&plan.gpu, info.commands) };
-        let extent = [info.extent.width, info.extent.height];
-        // SAFETY: the caller's promise.
-        let target = unsafe { TargetImage::from_raw(&plan.gpu, info.image, info.view, info.format, extent) };
-        // SAFETY: the caller's promise.
-        let target = unsafe { target.at(info.corner) };
         let recorded = plan.record(&mut commands, Some(&target), depth.as_ref())?;
         Ok(vr_recording { state: Mutex::new(State::Pending(Box::new(recorded))) })
+    })
+}
+
+/// Records the frames of `count` plans of one device into one command buffer: the eyes of a stereo pair, the faces of a cube. Their
+/// passes lie side by side and wait for each other only where plans share a target, so that a device that one frame does not fill draws
+/// them in less than the sum of their times. Images are those of vr_plan_record(). Writes a recording for each plan, each to be
+/// completed; the status of the one with the most passes has the times of all.
+///
+/// Fails as vr_plan_record(), and with VR_ERROR_INVALID if a plan is given twice or `commands` differs. Nothing is recorded then, and
+/// `recordings` are NULL.
+///
+/// Threads: as vr_plan_record().
+///
+/// # Safety
+///
+/// As of vr_plan_record(); `plans`, `infos` and `recordings` point to `count` pointers each.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_plans_record(
+    plans: *const *mut vr_plan,
+    infos: *const *const vr_record_info,
+    count: u32,
+    recordings: *mut *mut vr_recording,
+) -> vr_result {
+    // SAFETY: the caller's promise.
+    call(unsafe { Caller::trusted() }, |caller| {
+        let count = num::index(count);
+        for i in 0..count {
+            caller.write(recordings.wrapping_add(i), std::ptr::null_mut(), "recordings")?;
+        }
+        let (plans, infos) = (caller.array(plans, count, "plans")?, caller.array(infos, count, "infos")?);
+        // Locked by address, so that two threads do not wait for each other.
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by_key(|&i| plans[i].addr());
+        if order.windows(2).any(|pair| plans[pair[0]] == plans[pair[1]]) {
+            return Err(Error::invalid("plans", "one is given twice: each frame needs a plan of its own"));
+        }
+        let locked =
+            order.into_iter().map(|i| Ok((i, lock(&caller.reference(plans[i], "plan")?.plan, "plan")?)));
+        let mut locked = locked.collect::<Result<Vec<_>>>()?;
+        locked.sort_by_key(|(i, _)| *i);
+        let infos = infos.iter().map(|&info| caller.structure(info, "vr_record_info"));
+        let infos = infos.collect::<Result<Vec<_>>>()?;
+        let (Some((_, plan)), Some(first)) = (locked.first(), infos.first()) else { return Ok(()) };
+        if infos.iter().any(|info| info.commands != first.commands) {
+            return Err(Error::invalid("commands", "must be one command buffer for all plans"));
+        }
+        // SAFETY: the caller's promise.
+        let images = |(info, (_, plan)): (&vr_record_info, &(_, MutexGuard<'_, Plan>))| unsafe {
+            info.images(caller, plan)
+        };
+        let images = infos.iter().zip(&locked).map(images).collect::<Result<Vec<_>>>()?;
+        // SAFETY: the caller's promise.
+        let mut commands = unsafe { CommandBuffer::from_raw(&plan.gpu, first.commands) };
+        let given = images.iter().map(|(target, depth)| RecordInfo {
+            target: Some(target),
+            depth: depth.as_ref(),
+            ..RecordInfo::default()
+        });
+        let mut plans: Vec<_> = locked.iter_mut().map(|(_, plan)| &mut **plan).zip(given).collect();
+        for (i, recorded) in Plan::record_together(&mut commands, &mut plans)?.into_iter().enumerate() {
+            let recording = vr_recording { state: Mutex::new(State::Pending(Box::new(recorded))) };
+            caller.write(recordings.wrapping_add(i), Box::into_raw(Box::new(recording)), "recordings")?;
+        }
+        Ok(())
     })
 }
 

@@ -123,6 +123,75 @@ fn frames_are_those_of_rust() {
     engine.end_silently();
 }
 
+/// A stereo pair in one image: recorded together it is what single recordings draw, and misuses record nothing.
+#[test]
+fn frames_recorded_together_are_single_ones() {
+    let _turn = turn();
+    let engine = Engine::least();
+    let (gpu, own) = (adopt(&engine), engine.gpu());
+    let frame = Caller::new(&own, FORMAT, [80, 30], 16);
+    let scene = c_scene(gpu, &Field::Blobs.sample([16; 3], "u8").unwrap(), &FOG);
+    let info = sized!(vr_plan_info {
+        technique: c"slabs:step=0.5".as_ptr(),
+        format: FORMAT,
+        mode: vr_target_mode::VR_TARGET_OVER as u32,
+        in_part: 1,
+    });
+    let plans = [0.0, 0.02].map(|aside| {
+        let mut plan = null_mut();
+        done!(vr_plan_create(scene, &info, &c_view(&view(perspective(), 1.0 + aside, 40, 30)), &mut plan));
+        plan
+    });
+    let whole = record_info(&frame);
+    let half = vk::Extent2D { width: 40, height: 30 };
+    let infos = [0, 40].map(|left| vr_record_info { extent: half, corner: [left, 0], ..whole });
+    let pointers = infos.each_ref().map(std::ptr::from_ref);
+    let draw = |together: bool| {
+        let mut recordings = [null_mut(); 2];
+        frame.begin([0.0, 0.0, 0.0, 1.0]);
+        if together {
+            done!(vr_plans_record(plans.as_ptr(), pointers.as_ptr(), 2, recordings.as_mut_ptr()));
+        } else {
+            for (i, recording) in recordings.iter_mut().enumerate() {
+                done!(vr_plan_record(plans[i], pointers[i], recording));
+            }
+        }
+        let bytes = frame.end(&own);
+        for recording in recordings {
+            let mut status = sized!(vr_status {});
+            done!(vr_recording_completed(recording, &mut status));
+            assert_eq!(status.complete, 1);
+            end_recording(recording);
+        }
+        bytes
+    };
+    assert!(draw(true) == draw(false));
+    let twice = [plans[0]; 2];
+    let mut recordings = [std::ptr::dangling_mut(); 2];
+    let strange = vr_record_info { commands: <vk::CommandBuffer as vk::Handle>::from_raw(7), ..infos[1] };
+    let strange = [pointers[0], &raw const strange];
+    let missing = [pointers[0], null()];
+    for (plans, infos, words) in [
+        (twice, pointers, "given twice"),
+        ([plans[0], null_mut()], pointers, "plan"),
+        (plans, strange, "one command buffer"),
+        (plans, missing, "vr_record_info"),
+    ] {
+        refused!(
+            vr_plans_record(plans.as_ptr(), infos.as_ptr(), 2, recordings.as_mut_ptr()),
+            vr_result::VR_ERROR_INVALID,
+            words
+        );
+        assert_eq!(recordings, [null_mut(); 2]);
+    }
+    done!(vr_plans_record(null(), null(), 0, null_mut()));
+    plans.map(end_plan);
+    end_scene(scene);
+    end_gpu(gpu);
+    drop((frame, own));
+    engine.end_silently();
+}
+
 /// Scenes that are made of others, of a mesh, of points and of files draw what Rust's do.
 #[test]
 fn scenes_are_those_of_rust() {

@@ -206,3 +206,25 @@ fn the_turntable_turns() {
     let lit = count(front.iter().map(|p| p[0] > 60));
     assert!(lit > front.len() / 10, "{lit} of {}", front.len());
 }
+
+/// Both eyes are drawn whole and beside each other, and show the head from different places.
+#[test]
+fn a_stereo_pair_stands_side_by_side() {
+    let folder = folder("stereo");
+    let scan = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/head.json");
+    let picture = folder.join("stereo.png");
+    let mut program = Command::new(examples().join("stereo"));
+    let output = program.arg(&scan).arg(&picture).args(["slices-3d:step=4"]).output().unwrap();
+    assert!(output.status.success(), "{}", text(&output));
+    assert!(text(&output).contains("times one eye"), "{}", text(&output));
+    let (width, _, pixels) = read(&picture);
+    let half = width as usize / 2;
+    let eye = |from: usize| -> Vec<_> {
+        pixels.chunks(2 * half).flat_map(|row| row[from..from + half].to_vec()).collect()
+    };
+    let (left, right) = (eye(0), eye(half));
+    let lit = |eye: &[[u8; 4]]| count(eye.iter().map(|p| p[0] > 60));
+    assert!(lit(&left) > left.len() / 10 && lit(&right) > right.len() / 10);
+    let differing = count(left.iter().zip(&right).map(|(a, b)| a != b));
+    assert!(differing > left.len() / 20, "{differing} of {}", left.len());
+}
