@@ -212,6 +212,7 @@ fn the_turntable_turns() {
 fn a_stereo_pair_stands_side_by_side() {
     let folder = folder("stereo");
     let scan = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/head.json");
+    std::fs::create_dir_all(&folder).unwrap();
     let picture = folder.join("stereo.png");
     let mut program = Command::new(examples().join("stereo"));
     let output = program.arg(&scan).arg(&picture).args(["slices-3d:step=4"]).output().unwrap();
