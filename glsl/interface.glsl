@@ -79,6 +79,7 @@
 #define BINDING_TILE_STEPS 72   // storage block: step of each tile of the image
 
 #define BINDING_COUNTS 73       // storage block: COUNTS_* words
+#define BINDING_HIT_DEPTHS 76   // storage block: the depth at which each pixel's ray becomes opaque enough; 0: none
 
 #define BINDING_PANEL 74        // storage block: corners of the triangles of a window's panel
 #define BINDING_STREAM 75       // storage block: what micro-benchmarks read
@@ -145,6 +146,7 @@
 #define SPEC_SPLAT_RULE 46    // uint: rule that trained splats are drawn by, one of RULE_*
 #define SPEC_SLAB_COUNT 47   // uint: slabs of each pixel
 #define SPEC_COUNTED 45       // bool: samples and fetches are counted
+#define SPEC_HIT_AT 48        // uint: bits of the transmittance whose depth BINDING_HIT_DEPTHS gets; 0: nobody asks
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0

@@ -383,6 +383,17 @@ pub(crate) struct CompositePush {
     pub(crate) corner: [i32; 2],
 }
 
+/// The push constants of `hit-depths-image.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct HitDepthsPush {
+    pub(crate) corner: [i32; 2],
+    pub(crate) numerator: [f32; 2],
+    pub(crate) denominator: [f32; 2],
+    pub(crate) width: u32,
+    pub(crate) far: f32,
+}
+
 /// The push constants of `picture.glsl`.
 #[cfg(feature = "cli")]
 #[repr(C)]

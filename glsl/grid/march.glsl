@@ -9,6 +9,7 @@
 #include "frame/layers.glsl"
 #include "frame/by-list.glsl"
 #include "frame/counts.glsl"
+#include "frame/hit-depths.glsl"
 #include "grid/grid.glsl"
 #include "grid/empty-space.glsl"
 #include "grid/interval.glsl"
@@ -52,6 +53,13 @@ vec4 begin_march(ivec2 pixel, out float transmittance) {
 void end_march(ivec2 pixel, vec4 sum, float transmittance) {
     imageStore(accumulation, pixel, packed_state(sum, transmittance, (push.order & MARCH_CONTINUES) != 0u));
     add_counts();
+}
+
+// Composites a piece of the ray between two depths.
+void add_part(ivec2 pixel, inout vec4 sum, inout float transmittance, vec4 emission, vec2 piece) {
+    float before = transmittance;
+    add_behind(sum, transmittance, emission);
+    note_hit(uint(pixel.y) * sides_of(push.sides).x + uint(pixel.x), before, transmittance, piece.x, piece.y);
 }
 
 BrickGrid load_bricks() {

@@ -51,7 +51,7 @@ Segments segments_of(Ray ray, vec2 interval, ivec2 pixel, float spacing) {
 }
 
 // Marches the segments of a ray from `first` to before `last`. The last of all ends at depth `far`.
-void march(Ray ray, Segments all, float far, uint walk, uint first, uint last, inout LayersAhead ahead, inout vec4 sum,
+void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, uint first, uint last, inout LayersAhead ahead, inout vec4 sum,
            inout float transmittance) {
     float z0 = all.z0, h = all.h;
     // Load these before the loop: drivers do not hoist them.
@@ -89,7 +89,7 @@ void march(Ray ray, Segments all, float far, uint walk, uint first, uint last, i
                     front = back;
                 }
                 if (LIT) emission = lit(emission, ray, fma(emitted_at, end - begin, begin), lattice);
-                add_behind(sum, transmittance, emission);
+                add_part(pixel, sum, transmittance, emission, vec2(begin, end));
             }
         }
     }
@@ -110,7 +110,7 @@ void main() {
     vec4 sum = begin_march(pixel, transmittance);
     LayersAhead ahead = begin_layers(pixel, fma(begin, all.h, all.z0));
     float layers_until = layers_end(fma(end, all.h, all.z0));
-    march(ray, all, interval.y, slabs_between_looks(spacing), first, last, ahead, sum, transmittance);
+    march(pixel, ray, all, interval.y, slabs_between_looks(spacing), first, last, ahead, sum, transmittance);
     if (LAYERS) end_layers(ahead, layers_until, push.opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }
@@ -137,7 +137,7 @@ void main() {
     float transmittance = 1.0;
     vec4 sum = vec4(0.0);
     LayersAhead ahead;
-    march(ray, all, interval.y, slabs_between_looks(spacing), uint(max(all.first, 0.0)), uint(max(all.end, 0.0)), ahead, sum,
+    march(pixel, ray, all, interval.y, slabs_between_looks(spacing), uint(max(all.first, 0.0)), uint(max(all.end, 0.0)), ahead, sum,
           transmittance);
     if (level > 0u) {
         vec4 difference = sum - pilots[tile].colour;

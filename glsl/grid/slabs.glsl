@@ -112,7 +112,7 @@ void main() {
             if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;
             Face back = face_of(stored_at(ray, piece.y, lattice), lattice);
             if (piece.x < piece.y) {
-                add_behind(sum, transmittance, slab_emission(ray, piece, front, back, lattice, knots));
+                add_part(pixel, sum, transmittance, slab_emission(ray, piece, front, back, lattice, knots), piece);
                 front = back;
             }
         }

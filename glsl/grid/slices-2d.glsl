@@ -164,7 +164,8 @@ void main() {
             uint slab = down ? first_slab - turn : first_slab + turn;
             vec2 piece = slab_piece(slab, ray, interval, z0, h);
             if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --turn;
-            add_behind(sum, transmittance, slice_emission(ray, piece, 0.5 * (piece.x + piece.y), float(slab), lattice, knots));
+            vec4 emission = slice_emission(ray, piece, 0.5 * (piece.x + piece.y), float(slab), lattice, knots);
+            add_part(pixel, sum, transmittance, emission, piece);
         }
     }
     if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);

@@ -115,7 +115,7 @@ void main() {
             for (uint k = 0u; k < AT_ONCE; ++k) {
                 bool drawn = AT_ONCE == 1u || slab + k < slabs.y && transmittance > opaque;
                 vec2 piece = drawn ? pieces[k] : pieces[k].xx;
-                add_behind(sum, transmittance, slice_emission(texels[k], ray, piece, lattice, knots));
+                add_part(pixel, sum, transmittance, slice_emission(texels[k], ray, piece, lattice, knots), piece);
             }
         }
     }

@@ -22,6 +22,7 @@
 #include "mesh/mesh.glsl"
 #include "mesh/mesh-bounds.glsl"
 #include "mesh/mesh-segments.glsl"
+#include "mesh/mesh-hit-depths.glsl"
 #include "mesh/mesh-layers.glsl"
 #include "mesh/own-pixel.glsl"
 #include "mesh/pixel-list.glsl"
@@ -184,6 +185,7 @@ void main() {
     OwnPixel own = own_pixel();
     if (!own.exists) return;
     if (REPAIRS && (flags[own.word] & LISTED) == 0u) return;
+    if (REPAIRS) forget_hit(number_of(own));
     load_segments(push.knots);
     uint knots = push.knots;
     vec2 bounds = bounds_at(own.pixel);
@@ -194,7 +196,7 @@ void main() {
     bool unsorted = false;
     float last = NOTHING;
     Pending pending;
-    begin_segment(pending, no_end(), no_end(), 0.0);
+    begin_segment(pending, no_end(), no_end(), 0.0, 0.0);
     Uncut rest = Uncut(pending.front, pending.back, vec2(0.0));
     // A turn for each piece of a line, and for each further piece of it between knots.
     bool goes_on = true;
@@ -211,15 +213,23 @@ void main() {
                     End near = end_at(piece.s0), far = end_at(piece.s1);
                     float len = max(piece.d1 - piece.d0, 0.0) * own.world;
                     if (LAYERS) rest = Uncut(near, far, vec2(piece.d0, piece.d1));
-                    else if (BACK_TO_FRONT) begin_segment(pending, far, near, len);
-                    else begin_segment(pending, near, far, len);
+                    else if (BACK_TO_FRONT) begin_segment(pending, far, near, len, piece.d1);
+                    else begin_segment(pending, near, far, len, piece.d1);
                 }
             }
             if (LAYERS && pending.len == 0.0 && is_uncut(rest)) begin_uncut(rest, pending, ahead, false, own.world, sum);
-            if (pending.len > 0.0) composite(sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
+            if (pending.len > 0.0) {
+                float len = pending.len;
+                vec4 piece = next_piece(pending, BACK_TO_FRONT, knots);
+                add_piece(sum, piece, len, pending, own, BACK_TO_FRONT);
+            }
         }
         goes_on = pending.waits;
-        for (uint once = 0u; once < uint(goes_on); ++once) composite(sum, thickest_piece(pending, BACK_TO_FRONT), BACK_TO_FRONT);
+        for (uint once = 0u; once < uint(goes_on); ++once) {
+            float len = pending.len;
+            vec4 piece = thickest_piece(pending, BACK_TO_FRONT);
+            add_piece(sum, piece, len, pending, own, BACK_TO_FRONT);
+        }
     }
     if (LAYERS && sum.a < opaque) pass_layers(ahead, 3e37, sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)

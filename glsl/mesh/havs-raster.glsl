@@ -150,7 +150,7 @@ void main() {
     Sweep sweep = load_sweep(ivec2(place), unpack_state(flags[word]));
     float opaque = BACK_TO_FRONT ? 2.0 : 1.0 - push.opaque; // from behind a line does not end
     Pending pending;
-    begin_segment(pending, sweep.end, sweep.end, 0.0);
+    begin_segment(pending, sweep.end, sweep.end, 0.0, 0.0);
     uint j = 0u;
     while ((j < K || pending.len > 0.0) && sweep.sum.a < opaque) {
         if (pending.len == 0.0) {
@@ -240,7 +240,7 @@ void main() {
     Sweep sweep = load_sweep(pixel, unpack_state(flags[word]));
     if (pair.at != NOTHING && sweep.sum.a < opaque) {
         Pending pending;
-        begin_segment(pending, sweep.end, sweep.end, 0.0);
+        begin_segment(pending, sweep.end, sweep.end, 0.0, 0.0);
         leave(sweep, pending, pass_through(pair), drawn_depths(uvec2(pixel)), world);
         while (pending.len > 0.0 && sweep.sum.a < opaque) take_piece(sweep.sum, pending, BACK_TO_FRONT, knots);
         store_window(pixel, sweep.last);

@@ -73,7 +73,7 @@ vec2 leave(inout Sweep sweep, inout Pending pending, Pair pair, vec2 drawn, floa
     sweep.state.overlaps = sweep.state.overlaps || (!same && apart <= (inner ? (CELL_SCALARS ? ROUNDING : -1.0) : TOUCHING));
     sweep.state.overlaps = sweep.state.overlaps || ((sweep.state.inside > 1 || sweep.state.inside < 0) && to - from > TOUCHING);
     bool begins = sweep.state.inside > 0 && len > 0.0;
-    if (begins) begin_segment(pending, first, second, len);
+    if (begins) begin_segment(pending, first, second, len, to);
     int step = int(pair.what >> 1 & 1u) - int(pair.what & 1u);
     sweep.state.inside += BACK_TO_FRONT ? -step : step;
     sweep.last = pair;

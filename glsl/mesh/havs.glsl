@@ -24,6 +24,7 @@
 #include "shared/segments.glsl"
 #include "frame/layers.glsl"
 #include "mesh/mesh-segments.glsl"
+#include "mesh/mesh-hit-depths.glsl"
 #include "mesh/mesh-layers.glsl"
 #include "mesh/havs-sweep.glsl"
 #include "mesh/own-pixel.glsl"
@@ -166,6 +167,7 @@ void main() {
     OwnPixel own = own_pixel();
     if (!own.exists) return;
     if (REPAIRS && (flags[own.word] & FLAG_UNSORTED) == 0u) return;
+    if (REPAIRS) forget_hit(number_of(own));
     ivec2 pixel = ivec2(own.pixel);
     load_segments(push.knots);
     uint knots = push.knots;
@@ -180,7 +182,7 @@ void main() {
     if (LAYERS && RESUME) skip_layers(ahead, sweep.state.passed);
 
     Pending pending;
-    begin_segment(pending, sweep.end, sweep.end, 0.0);
+    begin_segment(pending, sweep.end, sweep.end, 0.0, 0.0);
     Uncut rest = Uncut(sweep.end, sweep.end, vec2(0.0));
     // A turn for each pair and for each further piece of a segment. After the last pair K turns empty the window, if anything is in it.
     uint held = LAST_CHUNK && (has_next(source) || RESUME) ? K : 0u;
@@ -202,11 +204,19 @@ void main() {
                 }
             }
             if (LAYERS && pending.len == 0.0 && is_uncut(rest)) begin_uncut(rest, pending, ahead, CELL_SCALARS, own.world, sweep.sum);
-            if (pending.len > 0.0) composite(sweep.sum, next_piece(pending, BACK_TO_FRONT, knots), BACK_TO_FRONT);
+            if (pending.len > 0.0) {
+                float len = pending.len;
+                vec4 piece = next_piece(pending, BACK_TO_FRONT, knots);
+                add_piece(sweep.sum, piece, len, pending, own, BACK_TO_FRONT);
+            }
         }
         goes_on = pending.waits || waits(source);
         for (uint once = 0u; once < uint(waits(source)); ++once) ask_corners(source);
-        for (uint once = 0u; once < uint(pending.waits); ++once) composite(sweep.sum, thickest_piece(pending, BACK_TO_FRONT), BACK_TO_FRONT);
+        for (uint once = 0u; once < uint(pending.waits); ++once) {
+            float len = pending.len;
+            vec4 piece = thickest_piece(pending, BACK_TO_FRONT);
+            add_piece(sweep.sum, piece, len, pending, own, BACK_TO_FRONT);
+        }
     }
     if (LAYERS && LAST_CHUNK && sweep.sum.a < opaque) pass_layers(ahead, 3e37, sweep.sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)

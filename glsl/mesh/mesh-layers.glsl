@@ -32,7 +32,7 @@ void begin_uncut(inout Uncut rest, inout Pending pending, inout LayersAhead ahea
     for (uint once = 0u; once < uint(to < rest.depths.y && !constant); ++once) {
         middle = end_at(rest.front.s + (rest.back.s - rest.front.s) * clamp((to - from) / (rest.depths.y - from), 0.0, 1.0));
     }
-    begin_segment(pending, rest.front, middle, (to - from) * world);
+    begin_segment(pending, rest.front, middle, (to - from) * world, to);
     rest.front = middle;
     rest.depths.x = to;
 }

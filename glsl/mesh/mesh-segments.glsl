@@ -13,15 +13,17 @@ struct Pending {
     float len;       // what is left, in the world; 0: nothing
     float least;     // no piece is cut shorter than this for its thickness; knots may cut shorter
     bool waits;      // for `thickest_piece`
+    float end;       // depth at which it ends, front to back
 };
 
 // Begins a segment.
-void begin_segment(inout Pending pending, End front, End back, float len) {
+void begin_segment(inout Pending pending, End front, End back, float len, float end) {
     pending.front = front;
     pending.back = back;
     pending.len = len;
     pending.least = len * (1.0 / 64.0);
     pending.waits = false;
+    pending.end = end;
 }
 
 // Premultiplied colour and opacity of the next piece of `exact`. One of the least length that is thick still takes many samples. It has to
@@ -100,7 +102,7 @@ void take_piece(inout vec4 sum, inout Pending pending, bool back_to_front, uint 
 // Premultiplied colour and opacity of a whole segment, its front nearer to the eye.
 vec4 cell_segment(End front, End back, float len, uint knots) {
     Pending pending;
-    begin_segment(pending, front, back, len);
+    begin_segment(pending, front, back, len, 0.0);
     vec4 sum = vec4(0.0);
     // Of a piece between two knots there are at most as many parts as of the least length.
     for (uint turn = 0u; turn < 128u + knots && pending.len > 0.0; ++turn) take_piece(sum, pending, false, knots);

@@ -38,6 +38,7 @@ layout(constant_id = SPEC_LAST_CHUNK) const bool LAST_CHUNK = true;
 #include "shared/optics.glsl"
 #include "mesh/mesh-bounds.glsl"
 #include "shared/segments.glsl"
+#include "mesh/mesh-hit-depths.glsl"
 #include "mesh/mesh-segments.glsl"
 #include "mesh/own-pixel.glsl"
 #include "mesh/status.glsl"
@@ -75,7 +76,9 @@ void main() {
         if (BOUNDED) cut(piece, bounds);
         End front = end_at(piece.s0), back = front;
         if (!CELL_SCALARS) back = end_at(piece.s1);
+        float before = 1.0 - sum.a;
         composite(sum, cell_segment(front, back, max(piece.d1 - piece.d0, 0.0) * own.world, knots), BACK_TO_FRONT);
+        note_segment(front, back, piece.d0, piece.d1, before, 1.0 - sum.a, knots, own);
     }
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)
     if ((has_pair(walk) || is_cut(walk)) && sum.a < opaque) atomicAdd(status[STATUS_CUT], 1u);

@@ -4,6 +4,7 @@
 
 #include "interface.glsl"
 #include "frame/bounded.glsl"
+#include "frame/hit-depths.glsl"
 #include "shared/sides.glsl"
 
 layout(constant_id = SPEC_RESUME) const bool RESUME = false;
@@ -62,6 +63,11 @@ uvec2 bin_of(uint in_band) {
 uvec2 first_pixel(uint in_band, uint lane) {
     uint tile = push.band + in_band, across = (sides_of(push.sides).x + TILE - 1u) / TILE;
     return uvec2(tile % across, tile / across) * TILE + uvec2(lane % TILE, lane / TILE);
+}
+
+// The number of a pixel in the image.
+uint number_of(uvec2 pixel) {
+    return pixel.y * sides_of(push.sides).x + pixel.x;
 }
 
 bool in_image(uvec2 pixel) {

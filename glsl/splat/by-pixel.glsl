@@ -51,11 +51,13 @@ Piece waiting[ROWS * WAITING];
         EACH_WAITING(EMPTY, r) \
     }
 // Puts a piece among those that wait, and blends the nearest of them all. `last` becomes BEHIND_ALL once one comes too late.
-#define BLEND_NEAREST(r, added, sum, transmittance, last) { \
+#define BLEND_NEAREST(r, pixel, added, sum, transmittance, last) { \
         Piece piece = added; \
+        float before = transmittance; \
         EACH_WAITING(SWAP, r) \
         last = piece.at < last ? BEHIND_ALL : piece.at; \
         blend_behind(sum, transmittance, piece.colour, piece.opacity); \
+        note_hit(number_of(pixel), before, transmittance, piece.at, piece.at); \
     }
 #else
 // Begins the line of a pixel that is drawn again.
@@ -109,6 +111,7 @@ void repair(uint number) {
     vec4 sum = RESUMES ? imageLoad(accumulation, ivec2(pixel)) : vec4(0.0);
     float transmittance = 1.0 - sum.a, opaque = push.opaque;
     if (last_at == BEHIND_ALL) return;
+    if (!RESUMES) forget_hit(number_of(pixel));
     // Iterations that are left, of which a sweep's other loops take some.
     const uint OTHERS = SWEPT + 2u;
     uint room = MOST;
@@ -138,8 +141,10 @@ void repair(uint number) {
         room -= i - begin + OTHERS;
         for (uint j = 0u; j < SWEPT; ++j) {
             if (swept_at[j] == BEHIND_ALL) break;
+            float before = transmittance;
             blend_on_line(bins[swept[j]], sum, transmittance);
             last_at = swept_at[j];
+            note_hit(number_of(pixel), before, transmittance, last_at, last_at);
             last = swept[j] + 1u;
         }
         begin = min(first_left, i);

@@ -199,6 +199,8 @@ void main() {
     for (uint k = 0u; k < count; ++k) {
         float depth = number(place, SHARES + k), taken = transmittance * (depth < 1e-3 ? depth * (1.0 - 0.5 * depth) : 1.0 - exp(-depth));
         put(place, SHARES + k, depth > 0.0 ? taken / depth : transmittance);
+        // A depth between slabs is placed nowhere but where something is.
+        if (taken > 0.0) note_hit(number_of(first_pixel(in_band, LANE)), transmittance, transmittance - taken, number(place, k), number(place, k + 1u));
         transmittance -= taken;
         opacity += taken;
     }

@@ -114,9 +114,11 @@ void add_to(inout Row row, Splat splat, vec4 share, float z0, float h) {
 }
 
 // Composites the first of the slabs and moves the others up.
-void take_slab(inout Row row, float z0, float z1, uint knots, float origin) {
+void take_slab(uvec2 pixel, inout Row row, float z0, float z1, uint knots, float origin) {
     float depths = max(clamp(z1, row.range.x, row.range.y) - clamp(z0, row.range.x, row.range.y), 0.0);
+    float before = row.transmittance;
     add_behind(row.sum, row.transmittance, sheet(row.slab0, depths, row.line.unit, knots, origin));
+    note_hit(number_of(pixel), before, row.transmittance, z0, z1);
     row.slab0 = row.slab1;
     row.slab1 = row.slab2;
     row.slab2 = row.slab3;
@@ -195,7 +197,7 @@ void main() {
         live = 0.0;
         for (uint s = 0u; s < SHEETS; ++s) {
             ++turn;
-#define TAKE(r) take_slab(rows[r], z0 + float(s) * h, z0 + float(s + 1u) * h, knots, origin_scalar);
+#define TAKE(r) take_slab(origin + uvec2(0, r), rows[r], z0 + float(s) * h, z0 + float(s + 1u) * h, knots, origin_scalar);
             EACH_ROW(TAKE)
         }
 #define LIVE(r) live = max(live, rows[r].transmittance);
@@ -296,7 +298,9 @@ void main() {
             float along = rows[r].line.d[AXIS_OF_SHEETS], inverse = 1.0 / (abs(along) > 1e-6 ? along : 1e-6); \
             float z = (middle - rows[r].line.q[AXIS_OF_SHEETS]) * inverse, half_depth = abs(0.5 * h * inverse); \
             float depths = clamp(z + half_depth, rows[r].range.x, rows[r].range.y) - clamp(z - half_depth, rows[r].range.x, rows[r].range.y); \
+            float before = rows[r].transmittance; \
             add_behind(rows[r].sum, rows[r].transmittance, sheet(rows[r].sheet, depths, rows[r].line.unit, knots, origin_scalar)); \
+            note_hit(number_of(origin + uvec2(0, r)), before, rows[r].transmittance, z - half_depth, z + half_depth); \
             live = max(live, rows[r].transmittance); \
         }
         EACH_ROW(TAKE)

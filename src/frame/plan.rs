@@ -4,9 +4,12 @@ use std::any::Any;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use ash::vk;
+
 use crate::error::{Error, Result};
 use crate::frame::counts::Counts;
 use crate::frame::dry_run::{dry_run, last_use, passes};
+use crate::frame::hit_depths::{HitDepthFrame, hit_depths_buffer};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
 use crate::frame::surfaces::{SurfaceFrame, SurfaceLists};
@@ -14,7 +17,8 @@ use crate::frame::target::{Canvas, Composite, TargetDesc, TargetMode};
 use crate::frame::upsampling::{Drawn, Upsampling};
 use crate::gpu::sync::Use;
 use crate::gpu::{
-    Buffer, CommandBuffer, DepthImage, Gpu, Image, Keep, PassTime, Recorder, Step, TargetImage, Timers, Used,
+    Buffer, CommandBuffer, DepthImage, DepthProjection, Gpu, Image, Keep, PassTime, Recorder, Step,
+    TargetImage, Timers, Used,
 };
 use crate::resident::surfaces::SurfaceData;
 use crate::scene::View;
@@ -68,6 +72,7 @@ pub struct Plan {
     surfaces: Option<SurfaceFrame>,
     upsampling: Option<Upsampling>,
     counts: Option<Counts>,
+    hit_depths: Option<HitDepthFrame>,
     /// Side of the squares of pixels that are drawn as one.
     side: u32,
     /// The size of the image that the technique draws.
@@ -92,6 +97,9 @@ pub struct RecordInfo<'a> {
     pub target: Option<&'a TargetImage>,
     /// The image that [`TargetDesc::with_depth`] announced.
     pub depth: Option<&'a DepthImage>,
+    /// The image that [`TargetDesc::with_hit_depths`] announced, in the state of a target, and the projection that it stores depths by, as a
+    /// depth image of that projection would; where there is none, its far end.
+    pub hit_depths: Option<(&'a TargetImage, DepthProjection)>,
     /// Is kept until the recording is [completed](Recorded::completed) or [discarded](Recorded::discarded): for instance the owner of
     /// the views that the commands name, where nothing else of the engine's keeps them until the submission has ended.
     pub owner: Option<Arc<dyn Any + Send + Sync>>,
@@ -185,6 +193,10 @@ impl Plan {
                 "full is the only one with surfaces or a depth image, whose edges fewer pixels would blur";
             return Err(Error::invalid("technique option resolution", why));
         }
+        if target.hit_depths.is_some() && (side > 1 || surfaces.is_some()) {
+            let why = "scenes with surfaces and resolutions below full do not tell them";
+            return Err(Error::invalid("hit depths", why));
+        }
         let drawn = view.reduced(side)?;
         let lists = surfaces.map(|data| SurfaceLists::new(gpu, data, view)).transpose()?;
         let bounded = target.depth || lists.is_some() || !view.clip().is_none();
@@ -193,9 +205,18 @@ impl Plan {
         let sampled = lists.is_some() || side > 1;
         let counts = target.counted.then(|| Counts::new(gpu)).transpose()?;
         let sums = counts.as_ref().map(|counts| Arc::clone(&counts.sums));
-        let canvas = Canvas { target: *target, bounds, layers, sampled, redrawn: None, counts: sums };
+        let hit_depths = target.hit_depths.map(|_| hit_depths_buffer(gpu, view)).transpose()?;
+        let canvas =
+            Canvas { target: *target, bounds, layers, sampled, redrawn: None, counts: sums, hit_depths };
         let prepared = prepare(&drawn, &canvas)?;
         let measure = prepared.measure();
+        let hit_depths = match (&canvas.hit_depths, target.hit_depths) {
+            (Some(depths), Some((format, _))) => {
+                prepared.hit_depths().map_err(|why| Error::invalid("hit depths", why))?;
+                Some(HitDepthFrame::new(gpu, depths, format, measure, view)?)
+            }
+            _ => None,
+        };
         let surfaces = match (lists, &canvas.bounds, prepared.image()) {
             (Some(lists), Some(bounds), Some(image)) => {
                 Some(SurfaceFrame::new(gpu, lists, view, target, bounds, image, &measure)?)
@@ -221,6 +242,7 @@ impl Plan {
             surfaces,
             upsampling,
             counts: counts.filter(|_| prepared.counts()),
+            hit_depths,
             side,
             drawn: drawn.extent(),
             timers: None,
@@ -235,7 +257,7 @@ impl Plan {
         };
         let shared = dry_run(gpu, |recorder, target| {
             plan.record_most_before(recorder);
-            plan.record_after(recorder, Some(target), true);
+            plan.record_after(recorder, Some(target), Some(dry_hit_depths(target)), true);
         });
         plan.most_passes += passes(&shared);
         gpu.build(own.iter().chain(&shared).filter_map(|step| step.work.pipeline()))?;
@@ -245,11 +267,19 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Records the steps before the technique for a dry run, of the view that has most of them.
-    fn record_most_before(&self, recorder: &mut Recorder<'_>) {
+    /// Records what clears before all other steps.
+    fn record_begin(&self, recorder: &mut Recorder<'_>) {
         if let Some(counts) = &self.counts {
             counts.record_begin(recorder);
         }
+        if let Some(hit_depths) = &self.hit_depths {
+            hit_depths.record_begin(recorder);
+        }
+    }
+
+    /// Records the steps before the technique for a dry run, of the view that has most of them.
+    fn record_most_before(&self, recorder: &mut Recorder<'_>) {
+        self.record_begin(recorder);
         if let Some(bounds) = &self.bounds {
             bounds.record_most(recorder, self.surfaces.as_ref());
         }
@@ -257,7 +287,13 @@ impl Plan {
 
     /// Records the steps after the technique: upsampling of its image, opaque surfaces behind it, and the composite into the
     /// caller's image. `most` asks for the passes of the view that has most of them, for a dry run.
-    fn record_after(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, most: bool) {
+    fn record_after(
+        &self,
+        recorder: &mut Recorder<'_>,
+        target: Option<&TargetImage>,
+        hit_depths: Option<(&TargetImage, DepthProjection)>,
+        most: bool,
+    ) {
         if let Some(upsampling) = &self.upsampling {
             upsampling.record(recorder, target.filter(|_| most));
         }
@@ -266,6 +302,9 @@ impl Plan {
         }
         if let (Some(composite), Some(target)) = (&self.composite, target) {
             composite.record(recorder, target);
+        }
+        if let (Some(frame), Some((image, projection))) = (&self.hit_depths, hit_depths) {
+            frame.record(recorder, image, &projection);
         }
         if let Some(counts) = &self.counts {
             counts.record_end(recorder);
@@ -339,19 +378,22 @@ impl Plan {
 
     /// Checks what a recording is given.
     fn check(&self, commands: &CommandBuffer, info: &RecordInfo<'_>) -> Result<()> {
-        let &RecordInfo { target, depth, .. } = info;
+        let &RecordInfo { target, depth, hit_depths, .. } = info;
         self.gpu.alive()?;
         let device = self.gpu.device().handle();
         let strange = target.is_some_and(|target| target.device != device)
+            || hit_depths.is_some_and(|(image, _)| image.device != device)
             || depth.is_some_and(|depth| depth.device != device);
         if commands.device() != device || strange {
-            let what = "command buffer, target or depth image";
+            let what = "command buffer, target, depth image or image of hit depths";
             return Err(Error::invalid(what, "belongs to another device than the plan"));
         }
         if Arc::strong_count(&self.in_flight) > 1 {
             return Err(Error::invalid("plan", "its last recording has not been completed"));
         }
-        self.check_target(target)?;
+        self.check_image("target", self.target.format(), target)?;
+        let wanted = self.target.hit_depths.map(|(format, _)| format);
+        self.check_image("image of hit depths", wanted, hit_depths.map(|(image, _)| image))?;
         match (depth, &self.bounds) {
             (Some(depth), Some(bounds)) if self.target.depth => bounds.check_depth(&self.gpu, depth)?,
             (Some(_), _) => {
@@ -368,16 +410,14 @@ impl Plan {
 
     /// Returns the steps of a recording that has been checked.
     fn steps_of(&mut self, commands: &CommandBuffer, info: &RecordInfo<'_>) -> Result<Vec<Step>> {
-        let &RecordInfo { target, depth, .. } = info;
+        let &RecordInfo { target, depth, hit_depths, .. } = info;
         let mut recorder = Recorder::new(&self.gpu, commands, None);
-        if let Some(counts) = &self.counts {
-            counts.record_begin(&mut recorder);
-        }
+        self.record_begin(&mut recorder);
         if let Some(bounds) = &self.bounds {
             bounds.record(&mut recorder, depth, self.surfaces.as_ref())?;
         }
         self.prepared.record(&mut recorder, target, self.target.mode() == TargetMode::Clear);
-        self.record_after(&mut recorder, target, false);
+        self.record_after(&mut recorder, target, hit_depths, false);
         let steps = recorder.into_steps();
         let used = |resource: Used| last_use(&steps, resource.key());
         self.last_uses = [
@@ -417,29 +457,31 @@ impl Plan {
         Recorded { held: std::mem::ManuallyDrop::new(held) }
     }
 
-    /// Checks that the target is the one that the plan was made for.
-    fn check_target(&self, target: Option<&TargetImage>) -> Result<()> {
-        match (self.target.format(), target) {
+    /// Checks that an image is the one that the plan was made for.
+    fn check_image(&self, what: &str, wanted: Option<vk::Format>, image: Option<&TargetImage>) -> Result<()> {
+        match (wanted, image) {
             (None, None) => {}
-            (Some(format), Some(target)) if target.format == format && target.extent == self.extent => {}
+            (Some(format), Some(image)) if image.format == format && image.extent == self.extent => {}
             (wanted, given) => {
                 let named =
                     |format, [width, height]: [u32; 2]| format!("an image of {format:?}, {width}x{height}");
-                let wanted = wanted
-                    .map_or_else(|| "an image of its own".to_string(), |format| named(format, self.extent));
+                let wanted = wanted.map_or_else(
+                    || if what == "target" { "an image of its own" } else { "none" }.to_string(),
+                    |format| named(format, self.extent),
+                );
                 let given =
-                    given.map_or_else(|| "none".to_string(), |target| named(target.format, target.extent));
-                return Err(Error::invalid("target", format!("the plan is for {wanted}, given is {given}")));
+                    given.map_or_else(|| "none".to_string(), |image| named(image.format, image.extent));
+                return Err(Error::invalid(what, format!("the plan is for {wanted}, given is {given}")));
             }
         }
-        let Some(TargetImage { corner, .. }) = target else { return Ok(()) };
+        let Some(TargetImage { corner, .. }) = image else { return Ok(()) };
         if *corner != [0; 2] && !self.target.part {
             let why = format!("begins at {corner:?}: the plan is for a whole image, see TargetDesc::in_part");
-            return Err(Error::invalid("target", why));
+            return Err(Error::invalid(what, why));
         }
         if (0..2).any(|axis| corner[axis].saturating_add(self.extent[axis]) > View::MAX_SIDE) {
             let why = format!("its rectangle from {corner:?} on reaches beyond {} pixels", View::MAX_SIDE);
-            return Err(Error::invalid("target", why));
+            return Err(Error::invalid(what, why));
         }
         Ok(())
     }
@@ -471,6 +513,9 @@ impl Plan {
         }
         if let Some(bounds) = &mut self.bounds {
             bounds.set_view(drawn);
+        }
+        if let Some(hit_depths) = &mut self.hit_depths {
+            hit_depths.set_view(view);
         }
         if let (Some(surfaces), Some(seen)) = (&mut self.surfaces, seen) {
             surfaces.set_view(seen);
@@ -535,7 +580,7 @@ impl Plan {
         dry_run(&self.gpu, |recorder, target| {
             self.record_most_before(recorder);
             self.prepared.record(recorder, Some(target), self.target.mode() == TargetMode::Clear);
-            self.record_after(recorder, Some(target), false);
+            self.record_after(recorder, Some(target), Some(dry_hit_depths(target)), false);
         })
     }
 
@@ -550,6 +595,11 @@ impl Plan {
     pub fn counters(&self) -> Vec<(&'static str, u64)> {
         self.prepared.counters()
     }
+}
+
+/// Returns an image of hit depths for dry runs.
+fn dry_hit_depths(target: &TargetImage) -> (&TargetImage, DepthProjection) {
+    (target, DepthProjection { at_zero: 0.0, at_one: 1.0, perspective: false, image: None })
 }
 
 /// Returns the image that the last pass before the composite leaves; `None` where the technique draws into the caller's image.

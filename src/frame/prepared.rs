@@ -33,6 +33,10 @@ pub(crate) trait Prepared: std::fmt::Debug + Send + Sync {
     fn counts(&self) -> bool {
         false
     }
+    /// Whether its shaders note where rays become opaque ([`HitDepthFrame`](crate::frame::hit_depths::HitDepthFrame)); the reason if not.
+    fn hit_depths(&self) -> std::result::Result<(), &'static str> {
+        Err("this technique does not tell them")
+    }
     /// Records a frame into its own image, or into `target` where it has none. `clear` replaces the contents of `target`.
     fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool);
     /// Records the frame with the most passes that [`Prepared::set_view`] may lead to, for a dry run; changes nothing.

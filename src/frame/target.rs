@@ -6,6 +6,7 @@ use std::sync::Arc;
 use ash::vk;
 
 use crate::error::{Error, Result};
+use crate::frame::hit_depths::transmittance_bits;
 use crate::gpu::shader::{self, COMPOSITE_FRAGMENT, COMPOSITE_VERTEX, CompositeFragment, CompositeVertex};
 use crate::gpu::{
     Attachment, Blend, Buffer, Descriptors, Gpu, GraphicsState, Image, ImageDesc, Pipeline, Recorder,
@@ -31,13 +32,15 @@ pub struct TargetDesc {
     pub(crate) untimed: bool,
     pub(crate) counted: bool,
     pub(crate) part: bool,
+    /// Format of an image of depths, and the bits of the transmittance whose depths it gets.
+    pub(crate) hit_depths: Option<(vk::Format, u32)>,
 }
 
 impl TargetDesc {
     /// An image of the plan's own, to be read back.
     #[must_use]
     pub fn own() -> Self {
-        Self { caller: None, depth: false, untimed: false, counted: false, part: false }
+        Self { caller: None, depth: false, untimed: false, counted: false, part: false, hit_depths: None }
     }
 
     /// A colour image of the caller, of the view's extent. Values are premultiplied linear RGBA; an sRGB format encodes them.
@@ -73,6 +76,22 @@ impl TargetDesc {
         Self { part: true, ..self }
     }
 
+    /// The same target with an image of depths in each recording, [`RecordInfo::hit_depths`](crate::frame::RecordInfo::hit_depths): where each pixel's
+    /// ray reaches an opacity, for passes of yours that come later, such as depth of field, motion vectors and labels. An opacity
+    /// of 1/255 is where the volume begins to show, one of 1/2 its apparent surface.
+    ///
+    /// Red gets the depth, and the other channels 0. A depth lies in the piece of the ray in which the opacity is reached, as if extinction
+    /// were constant there: with slices, slabs and segments within a step, with cells within a cell. Splats that are blended whole are
+    /// met where they are densest. Surfaces, `resolution` below `full`, `order=back-to-front`, raster routes, `shear-warp`,
+    /// maximum intensity projection and rules of trained splats without a depth on the ray are refused.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] unless the opacity is above 6e-8 and below 1.
+    pub fn with_hit_depths(self, format: vk::Format, opacity: f64) -> Result<Self> {
+        Ok(Self { hit_depths: Some((format, transmittance_bits(opacity)?)), ..self })
+    }
+
     pub(crate) fn format(&self) -> Option<vk::Format> {
         self.caller.map(|(format, _)| format)
     }
@@ -96,6 +115,8 @@ pub(crate) struct Canvas {
     pub(crate) redrawn: Option<Redrawn>,
     /// Sums of samples and fetches, where they are counted.
     pub(crate) counts: Option<Arc<Buffer>>,
+    /// The depths at which rays become opaque enough, where anybody asks.
+    pub(crate) hit_depths: Option<Arc<Buffer>>,
 }
 
 /// Pixels that are drawn once more.
@@ -145,6 +166,13 @@ impl Canvas {
     pub(crate) fn counts(&self, unread: &Arc<Buffer>) -> shader::Counts {
         let counts = self.counts.as_ref().map_or_else(|| unread.unwritten(), Buffer::write);
         shader::Counts { counts, counted: self.counts.is_some() }
+    }
+
+    /// The depths at which rays become opaque enough, with the same stand-in.
+    pub(crate) fn hit_depths(&self, unread: &Arc<Buffer>) -> shader::HitDepths {
+        let hit_depths = self.hit_depths.as_ref().map_or_else(|| unread.unwritten(), Buffer::write);
+        let at = self.hit_depths.as_ref().and(self.target.hit_depths).map_or(0, |(_, bits)| bits);
+        shader::HitDepths { hit_depths, hit_at: at }
     }
 
     /// Refuses a route or order, `what`, that cannot split rays at translucent surfaces.

@@ -185,7 +185,7 @@ fn frames_recorded_together_are_single_ones() {
         assert_eq!(recordings, [null_mut(); 2]);
     }
     done!(vr_plans_record(null(), null(), 0, null_mut()));
-    plans.map(end_plan);
+    plans.into_iter().for_each(end_plan);
     end_scene(scene);
     end_gpu(gpu);
     drop((frame, own));

@@ -195,23 +195,29 @@ impl Caller {
         // SAFETY: nothing is pending.
         unsafe { self.device.begin_command_buffer(self.commands, &vk::CommandBufferBeginInfo::default()) }
             .unwrap();
-        self.transition(vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
+        self.fill(self.commands, clear);
+    }
+
+    /// Records the same fill into another command buffer.
+    pub fn fill(&self, commands: vk::CommandBuffer, clear: [f32; 4]) {
+        self.transition(commands, vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
         let colour = vk::ClearColorValue { float32: clear };
         // SAFETY: recording; the layout is the one just set.
         unsafe {
             self.device.cmd_clear_color_image(
-                self.commands,
+                commands,
                 self.image,
                 vk::ImageLayout::TRANSFER_DST_OPTIMAL,
                 &colour,
                 &[range_of(vk::ImageAspectFlags::COLOR)],
             )
         };
-        self.transition(vk::ImageLayout::TRANSFER_DST_OPTIMAL, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
+        let (old, new) = (vk::ImageLayout::TRANSFER_DST_OPTIMAL, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
+        self.transition(commands, old, new);
     }
 
-    fn transition(&self, old: vk::ImageLayout, new: vk::ImageLayout) {
-        transition(&self.device, self.commands, (self.image, vk::ImageAspectFlags::COLOR), old, new);
+    fn transition(&self, commands: vk::CommandBuffer, old: vk::ImageLayout, new: vk::ImageLayout) {
+        transition(&self.device, commands, (self.image, vk::ImageAspectFlags::COLOR), old, new);
     }
 
     /// Copies out, submits, waits, and gives the image's bytes.
@@ -223,28 +229,7 @@ impl Caller {
 
     /// Copies out and submits.
     pub fn submit(&self, gpu: &Gpu, signal: Signal) {
-        self.transition(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
-        let region = region_of(self.extent, vk::ImageAspectFlags::COLOR);
-        // SAFETY: recording; the buffer holds the image.
-        unsafe {
-            self.device.cmd_copy_image_to_buffer(
-                self.commands,
-                self.image,
-                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
-                self.buffer,
-                &[region],
-            )
-        };
-        let barriers = [vk::BufferMemoryBarrier2::default()
-            .src_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
-            .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
-            .dst_stage_mask(vk::PipelineStageFlags2::HOST)
-            .dst_access_mask(vk::AccessFlags2::HOST_READ)
-            .buffer(self.buffer)
-            .size(vk::WHOLE_SIZE)];
-        let info = vk::DependencyInfo::default().buffer_memory_barriers(&barriers);
-        // SAFETY: recording.
-        unsafe { self.device.cmd_pipeline_barrier2(self.commands, &info) };
+        self.copy(self.commands);
         // SAFETY: recording.
         unsafe { self.device.end_command_buffer(self.commands) }.unwrap();
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(self.commands)];
@@ -266,6 +251,33 @@ impl Caller {
             unsafe { self.device.queue_submit2(queue, &submit, fence) }
         });
         submitted.unwrap();
+    }
+
+    /// Records the copy to the host, for [`Caller::read`].
+    pub fn copy(&self, commands: vk::CommandBuffer) {
+        let (old, new) = (vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
+        self.transition(commands, old, new);
+        let region = region_of(self.extent, vk::ImageAspectFlags::COLOR);
+        // SAFETY: recording; the buffer holds the image.
+        unsafe {
+            self.device.cmd_copy_image_to_buffer(
+                commands,
+                self.image,
+                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+                self.buffer,
+                &[region],
+            )
+        };
+        let barriers = [vk::BufferMemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
+            .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::HOST)
+            .dst_access_mask(vk::AccessFlags2::HOST_READ)
+            .buffer(self.buffer)
+            .size(vk::WHOLE_SIZE)];
+        let info = vk::DependencyInfo::default().buffer_memory_barriers(&barriers);
+        // SAFETY: recording.
+        unsafe { self.device.cmd_pipeline_barrier2(commands, &info) };
     }
 
     /// Waits for a submission with [`Signal::Fence`].

@@ -24,6 +24,7 @@ mod gaussians;
 mod grids;
 mod hardware;
 mod havs_routes;
+mod hit_depths;
 mod layers;
 mod meshes;
 mod off_centre;

@@ -271,6 +271,14 @@ impl Prepared for GridFrame {
         matches!(self.path, Path::Compute { .. })
     }
 
+    fn hit_depths(&self) -> std::result::Result<(), &'static str> {
+        match self.path {
+            _ if self.scene.scene().mode == Mode::Maximum => Err("maximum intensity projection has none"),
+            Path::Compute { .. } => Ok(()),
+            Path::Raster { .. } | Path::ShaderBlend { .. } => Err("route=compute tells them"),
+        }
+    }
+
     fn counters(&self) -> Vec<(&'static str, u64)> {
         let steps = dry_run(self.scene.gpu(), |recorder, target| self.record(recorder, Some(target), true));
         let draws = draws(&steps);

@@ -87,8 +87,17 @@ impl GridTechnique for Options {
     }
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
-        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, tile_step, counts } =
-            march;
+        let MarchInputs {
+            accumulation,
+            resume,
+            empty_space,
+            layers,
+            by_list,
+            shown,
+            tile_step,
+            counts,
+            hit_depths,
+        } = march;
         if grid.scene.scene().mode == Mode::Maximum {
             let GridInputs { volume, lattice, optics, bounded, .. } = grid;
             return Ok(MAXIMUM_COMPUTE.with(&Maximum {
@@ -119,6 +128,7 @@ impl GridTechnique for Options {
             shown,
             tile_step,
             counts,
+            hit_depths,
             optics,
             segments,
         }))
@@ -130,7 +140,7 @@ impl GridTechnique for Options {
 
     fn pilot(&self, grid: GridInputs<'_>, march: MarchInputs, pilots: Write) -> Result<Bound> {
         let segments = grid.segments(&self.segments)?;
-        let MarchInputs { empty_space, layers, shown, counts, .. } = march;
+        let MarchInputs { empty_space, layers, shown, counts, hit_depths, .. } = march;
         let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
         Ok(RAYCAST_PILOT.with(&RaycastPilot {
             volume,
@@ -142,6 +152,7 @@ impl GridTechnique for Options {
             pilots,
             shown,
             counts,
+            hit_depths,
             optics,
             segments,
         }))

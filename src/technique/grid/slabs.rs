@@ -87,7 +87,9 @@ impl GridTechnique for Options {
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let segments = grid.segments(&self.segments)?;
         let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, counts, .. } = march;
+        let MarchInputs {
+            accumulation, resume, empty_space, layers, by_list, shown, counts, hit_depths, ..
+        } = march;
         let clip_ends = true;
         Ok(SLABS_COMPUTE.with(&SlabsCompute {
             accumulation,
@@ -102,6 +104,7 @@ impl GridTechnique for Options {
             by_list,
             shown,
             counts,
+            hit_depths,
             optics,
             segments,
         }))

@@ -95,7 +95,9 @@ impl GridTechnique for Options {
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let GridInputs { volume, lattice, optics, bounded, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, counts, .. } = march;
+        let MarchInputs {
+            accumulation, resume, empty_space, layers, by_list, shown, counts, hit_depths, ..
+        } = march;
         let stack = Stack { volume, between: self.between };
         Ok(SLICES_2D_COMPUTE.with(&Slices2dCompute {
             accumulation,
@@ -107,6 +109,7 @@ impl GridTechnique for Options {
             by_list,
             shown,
             counts,
+            hit_depths,
             optics,
             stack,
         }))

@@ -86,7 +86,9 @@ impl GridTechnique for Options {
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
-        let MarchInputs { accumulation, resume, empty_space, layers, by_list, shown, counts, .. } = march;
+        let MarchInputs {
+            accumulation, resume, empty_space, layers, by_list, shown, counts, hit_depths, ..
+        } = march;
         let clip_ends = self.ends == Ends::Clip;
         Ok(SLICES_3D_COMPUTE.with(&Slices3dCompute {
             accumulation,
@@ -101,6 +103,7 @@ impl GridTechnique for Options {
             by_list,
             shown,
             counts,
+            hit_depths,
             optics,
         }))
     }

@@ -5,7 +5,8 @@ use ash::vk;
 use crate::error::{Error, Result};
 use crate::gpu::inputs::{Stored, Write};
 use crate::gpu::shader::{
-    Blend, Bounded, ByList, Counts, EmptySpace, Lattice, Layers, Lighting, Optics, Segments, Shown, TileStep,
+    Blend, Bounded, ByList, Counts, EmptySpace, HitDepths, Lattice, Layers, Lighting, Optics, Segments,
+    Shown, TileStep,
 };
 use crate::gpu::{Bound, Sampled};
 use crate::resident::GpuScene;
@@ -48,6 +49,7 @@ pub(crate) struct MarchInputs {
     pub(crate) shown: Shown,
     pub(crate) tile_step: TileStep,
     pub(crate) counts: Counts,
+    pub(crate) hit_depths: HitDepths,
 }
 
 /// Shaders that draw slabs as polygons.

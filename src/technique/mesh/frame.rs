@@ -57,6 +57,7 @@ pub(crate) struct MeshFrame {
     image: Arc<Image>,
     flags: Arc<Buffer>,
     outcome: Arc<MeshOutcome>,
+    back_to_front: bool,
 }
 
 /// Whether the mesh may reach behind the eye.
@@ -165,6 +166,7 @@ impl MeshFrame {
             image,
             flags,
             outcome: Arc::new(outcome),
+            back_to_front: desc.options.back_to_front(),
         })
     }
 
@@ -222,6 +224,10 @@ impl Prepared for MeshFrame {
 
     fn route(&self) -> &'static str {
         "compute"
+    }
+
+    fn hit_depths(&self) -> std::result::Result<(), &'static str> {
+        if self.back_to_front { Err("order=front-to-back tells them") } else { Ok(()) }
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {

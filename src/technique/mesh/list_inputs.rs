@@ -6,7 +6,9 @@ use ash::vk;
 
 use crate::error::Result;
 use crate::frame::target::Canvas;
-use crate::gpu::shader::{Bounded, Coverage, HavsSweep, Layers, Optics, Segments, SweepImages, TileWalk};
+use crate::gpu::shader::{
+    Bounded, Coverage, HavsSweep, HitDepths, Layers, Optics, Segments, SweepImages, TileWalk,
+};
 use crate::gpu::{Bound, Buffer, Gpu, Image, ImageDesc};
 use crate::resident::GpuScene;
 use crate::resident::tables::SegmentOptions;
@@ -27,6 +29,7 @@ pub(crate) struct Shading {
     pub(crate) segments: Segments,
     pub(crate) bounded: Bounded,
     pub(crate) layers: Layers,
+    pub(crate) hit_depths: HitDepths,
 }
 
 impl Shading {
@@ -38,6 +41,7 @@ impl Shading {
             segments: scene.segments(segments, false, None)?,
             bounded: target.bounded(&knots.buffer),
             layers: target.layered(&knots.buffer),
+            hit_depths: target.hit_depths(&knots.buffer),
         })
     }
 }

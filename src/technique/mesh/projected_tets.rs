@@ -79,6 +79,7 @@ fn draw(TileInputs { list, coverage, tile_walk, resume, last_chunk }: &TileInput
         resume: *resume,
         cell_scalars: list.cell_scalars,
         bounded: list.shading.bounded.clone(),
+        hit_depths: list.shading.hit_depths.clone(),
         coverage: coverage.clone(),
         optics: list.shading.optics.clone(),
         segments: list.shading.segments.clone(),
@@ -120,6 +121,10 @@ impl Prepared for Listed {
 
     fn route(&self) -> &'static str {
         self.frame.route()
+    }
+
+    fn hit_depths(&self) -> std::result::Result<(), &'static str> {
+        self.frame.hit_depths()
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {

@@ -127,6 +127,10 @@ impl Prepared for ShearFrame {
         }
     }
 
+    fn hit_depths(&self) -> std::result::Result<(), &'static str> {
+        Err("rays of base planes are not those of pixels: slices-2d tells them")
+    }
+
     fn counts(&self) -> bool {
         matches!(self.path, Path::Compute(_))
     }

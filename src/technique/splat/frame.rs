@@ -18,8 +18,8 @@ use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
-    self, Bounded, FOOTPRINT_PARTS, KERNEL_BSPLINE, KERNEL_GAUSSIAN, KERNEL_SINC, KERNEL_TENT, Optics,
-    PIXELS_FIRST, SPLAT_EWA_DRAW, SPLAT_EWA_DRAW_WIDE, SPLAT_EWA_REPAIR, SPLAT_PROJECT_COMPUTE,
+    self, Bounded, FOOTPRINT_PARTS, HitDepths, KERNEL_BSPLINE, KERNEL_GAUSSIAN, KERNEL_SINC, KERNEL_TENT,
+    Optics, PIXELS_FIRST, SPLAT_EWA_DRAW, SPLAT_EWA_DRAW_WIDE, SPLAT_EWA_REPAIR, SPLAT_PROJECT_COMPUTE,
     SPLAT_SHEETS_AXIS, SPLAT_SHEETS_AXIS_WIDE, SPLAT_SHEETS_IMAGE, SPLAT_SHEETS_IMAGE_WIDE, STATUS_WORDS,
     SplatEwaDraw, SplatEwaRepair, SplatProject, SplatSheetsAxis, SplatSheetsImage, Splats, TILE, TILE_PIXELS,
 };
@@ -113,6 +113,7 @@ struct DrawInputs {
     ewa: bool,
     axis: u32,
     bounded: Bounded,
+    hit_depths: HitDepths,
     optics: Optics,
 }
 
@@ -124,6 +125,7 @@ impl DrawInputs {
             splat_records: self.records.read(),
             splat_ewa: self.ewa,
             bounded: self.bounded.clone(),
+            hit_depths: self.hit_depths.clone(),
             band: self.band.clone(),
             splats: self.splats.clone(),
         })
@@ -132,7 +134,8 @@ impl DrawInputs {
     /// Binds the shader that draws bins, in columns or in pixels; with `resume` from where the dispatch before ended.
     fn shader(&self, accumulation: Accumulation, columns: bool, resume: bool) -> Bound {
         let (splats, band) = (self.splats.clone(), shader::Band { resume, ..self.band.clone() });
-        let (optics, bounded) = (self.optics.clone(), self.bounded.clone());
+        let (optics, bounded, hit_depths) =
+            (self.optics.clone(), self.bounded.clone(), self.hit_depths.clone());
         let splat_records = self.records.read();
         match accumulation {
             Accumulation::Centres | Accumulation::ByPixel => {
@@ -143,13 +146,14 @@ impl DrawInputs {
                     splat_by_pixel: accumulation == Accumulation::ByPixel,
                     splat_ewa: self.ewa,
                     bounded,
+                    hit_depths,
                     band,
                     splats,
                 })
             }
             Accumulation::Slabs => {
                 let shader = if columns { SPLAT_SHEETS_IMAGE } else { SPLAT_SHEETS_IMAGE_WIDE };
-                shader.with(&SplatSheetsImage { splat_records, bounded, band, optics, splats })
+                shader.with(&SplatSheetsImage { splat_records, bounded, hit_depths, band, optics, splats })
             }
             Accumulation::Sheets => {
                 let shader = if columns { SPLAT_SHEETS_AXIS } else { SPLAT_SHEETS_AXIS_WIDE };
@@ -158,6 +162,7 @@ impl DrawInputs {
                     splat_axis: self.axis,
                     splat_tabulated: self.tabulated,
                     bounded,
+                    hit_depths,
                     band,
                     optics,
                     splats,
@@ -265,6 +270,7 @@ impl SplatFrame {
             ewa: desc.ewa,
             axis: num::count(seen.axis),
             bounded: target.bounded(&knots.buffer),
+            hit_depths: target.hit_depths(&knots.buffer),
             optics: knots.optics(),
         };
         let rounds = desc.rounds(fill.longest()).max(known.rounds);
@@ -299,6 +305,10 @@ impl Prepared for SplatFrame {
 
     fn route(&self) -> &'static str {
         "compute"
+    }
+
+    fn hit_depths(&self) -> std::result::Result<(), &'static str> {
+        Ok(())
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {

@@ -123,6 +123,9 @@ impl Draw for Options {
         if target.bounds.is_some() {
             rule.check_depth("surfaces, clip regions and depth images")?;
         }
+        if target.hit_depths.is_some() {
+            rule.check_depth("hit depths")?;
+        }
         let usual = match rule {
             SplatRule::Khr => SplatOrder::Distance,
             SplatRule::Inria | SplatRule::Antialiased => SplatOrder::Depth,
@@ -331,6 +334,7 @@ impl Inputs<'_> {
                 meet: self.meet(),
                 band: self.band(resume),
                 bounded: self.target.bounded(&self.records),
+                hit_depths: self.target.hit_depths(&self.records),
             })
         })
     }
@@ -343,6 +347,7 @@ impl Inputs<'_> {
                 meet: self.meet(),
                 band: self.band(false),
                 bounded: self.target.bounded(&self.records),
+                hit_depths: self.target.hit_depths(&self.records),
             })
         })?;
         Ok(Repair { pixels: Arc::clone(&self.pixels), draw })
@@ -379,6 +384,7 @@ impl Inputs<'_> {
             splat_slabs: words.write(),
             slab_count: slabs,
             band: self.band(false),
+            hit_depths: self.target.hit_depths(&self.records),
         });
         let share = Arc::new(pass(&GAUSSIANS_OVERLAP_SHARE, &GAUSSIANS_OVERLAP_SHARE_WIDE, "share")?);
         Ok(vec![
@@ -464,6 +470,10 @@ impl Prepared for TrainedFrame {
 
     fn route(&self) -> &'static str {
         "compute"
+    }
+
+    fn hit_depths(&self) -> std::result::Result<(), &'static str> {
+        Ok(())
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {

@@ -314,6 +314,10 @@ impl Prepared for RasterFrame {
         self.route.word()
     }
 
+    fn hit_depths(&self) -> std::result::Result<(), &'static str> {
+        Err("route=compute tells them")
+    }
+
     fn counters(&self) -> Vec<(&'static str, u64)> {
         vec![("tiles", self.tiles.into())]
     }

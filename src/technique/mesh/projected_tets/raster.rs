@@ -395,6 +395,10 @@ impl Prepared for TetsRaster {
         "raster"
     }
 
+    fn hit_depths(&self) -> std::result::Result<(), &'static str> {
+        Err("route=compute tells them")
+    }
+
     fn counters(&self) -> Vec<(&'static str, u64)> {
         let mut counters = vec![("cells_seen", u64::from(self.ranking.count))];
         counters.extend_from_slice(self.ranker.counters());

@@ -84,6 +84,7 @@ fn frame(scene: &Arc<GpuScene>, view: &View, options: &str) -> ShearFrame {
         sampled: false,
         redrawn: None,
         counts: None,
+        hit_depths: None,
     };
     ShearFrame::new(scene, view, &canvas, options).unwrap()
 }
