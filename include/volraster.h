@@ -893,6 +893,15 @@ typedef struct vr_plan_info {
      * Whether the target is a rectangle of a larger image, placed by vr_record_info::corner.
      */
     VkBool32 in_part;
+    /**
+     * Opacity whose depth on each ray an image of each recording gets, above 0 and below 1; 0: no such image. 1/255 is where the volume
+     * begins to show, 1/2 its apparent surface.
+     */
+    double hit_opacity;
+    /**
+     * Format of these images: a colour format with red, such as VK_FORMAT_R32_SFLOAT.
+     */
+    VkFormat hit_format;
 } vr_plan_info;
 
 /**
@@ -946,6 +955,45 @@ typedef struct vr_depth_image {
 } vr_depth_image;
 
 /**
+ * An image of the caller that gets the depth at which each pixel's ray reaches vr_plan_info::hit_opacity, as a depth image of the projection
+ * would hold a surface there; without one the far end.
+ */
+typedef struct vr_hit_depths {
+    /**
+     * sizeof(vr_hit_depths).
+     */
+    size_t struct_size;
+    /**
+     * A colour image of vr_plan_info::hit_format, in the states of vr_record_info::image.
+     */
+    VkImage image;
+    /**
+     * A two-dimensional view of the image, with one level and one layer.
+     */
+    VkImageView view;
+    /**
+     * A vr_depth_kind.
+     */
+    uint32_t kind;
+    /**
+     * Depth along the view, in world units, that is stored as 0.
+     */
+    double at_zero;
+    /**
+     * Depth along the view, in world units, that is stored as 1.
+     */
+    double at_one;
+    /**
+     * Matrix from view coordinates to clip coordinates with depths from 0 to 1, column by column.
+     */
+    double matrix[16];
+    /**
+     * First texel of the rectangle, from the left and the top, for plans with in_part; else 0.
+     */
+    uint32_t corner[2];
+} vr_hit_depths;
+
+/**
  * Command buffer and images of a recording.
  */
 typedef struct vr_record_info {
@@ -983,6 +1031,10 @@ typedef struct vr_record_info {
      * First pixel of the rectangle, from the left and the top, for plans with in_part; else 0.
      */
     uint32_t corner[2];
+    /**
+     * Image of hit depths; NULL if the plan is without.
+     */
+    const struct vr_hit_depths *hit_depths;
 } vr_record_info;
 
 /**
@@ -1606,4 +1658,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 4958d8e4aa0df6d0 */
+/* Checksum of the sources: 9d737c5a6e877672 */

@@ -49,6 +49,11 @@ pub struct vr_plan_info {
     pub with_depth: VkBool32,
     /// Whether the target is a rectangle of a larger image, placed by vr_record_info::corner.
     pub in_part: VkBool32,
+    /// Opacity whose depth on each ray an image of each recording gets, above 0 and below 1; 0: no such image. 1/255 is where the volume
+    /// begins to show, 1/2 its apparent surface.
+    pub hit_opacity: f64,
+    /// Format of these images: a colour format with red, such as VK_FORMAT_R32_SFLOAT.
+    pub hit_format: VkFormat,
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
@@ -80,6 +85,10 @@ pub unsafe extern "C" fn vr_plan_create(
         let target = TargetDesc::caller(info.format, mode);
         let target = if flag(info.with_depth, "with_depth")? { target.with_depth() } else { target };
         let target = if flag(info.in_part, "in_part")? { target.in_part() } else { target };
+        let target = match info.hit_opacity {
+            0.0 => target,
+            opacity => target.with_hit_depths(info.hit_format, opacity)?,
+        };
         let renderer = Renderer::new(&scene.scene, scene.chosen(caller, info.technique)?);
         let plan = renderer.prepare(&view, &target)?;
         Ok(vr_plan { renderer, target, route: c_text(plan.route()), plan: Mutex::new(plan) })

@@ -60,16 +60,43 @@ pub struct vr_depth_image {
 // SAFETY: repr(C), numbers and handles, the first its size.
 unsafe impl Structure for vr_depth_image {}
 
-impl vr_depth_image {
-    fn projection(&self) -> Result<DepthProjection> {
-        let kinds: [fn(&Self) -> Result<DepthProjection>; 3] = [
-            |image| DepthProjection::perspective(image.at_zero, image.at_one),
-            |image| DepthProjection::orthographic(image.at_zero, image.at_one),
-            |image| DepthProjection::from_matrix(&DMat4::from_cols_array(&image.matrix)),
-        ];
-        choice(self.kind, 1, &kinds, "depth kind")?(self)
-    }
+/// Makes a projection of a vr_depth_kind.
+fn projection(kind: u32, [at_zero, at_one]: [f64; 2], matrix: &[f64; 16]) -> Result<DepthProjection> {
+    let kinds: [&dyn Fn() -> Result<DepthProjection>; 3] = [
+        &|| DepthProjection::perspective(at_zero, at_one),
+        &|| DepthProjection::orthographic(at_zero, at_one),
+        &|| DepthProjection::from_matrix(&DMat4::from_cols_array(matrix)),
+    ];
+    choice(kind, 1, &kinds, "depth kind")?()
+}
 
+/// An image of the caller that gets the depth at which each pixel's ray reaches vr_plan_info::hit_opacity, as a depth image of the projection
+/// would hold a surface there; without one the far end.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct vr_hit_depths {
+    /// sizeof(vr_hit_depths).
+    pub struct_size: usize,
+    /// A colour image of vr_plan_info::hit_format, in the states of vr_record_info::image.
+    pub image: VkImage,
+    /// A two-dimensional view of the image, with one level and one layer.
+    pub view: VkImageView,
+    /// A vr_depth_kind.
+    pub kind: u32,
+    /// Depth along the view, in world units, that is stored as 0.
+    pub at_zero: f64,
+    /// Depth along the view, in world units, that is stored as 1.
+    pub at_one: f64,
+    /// Matrix from view coordinates to clip coordinates with depths from 0 to 1, column by column.
+    pub matrix: [f64; 16],
+    /// First texel of the rectangle, from the left and the top, for plans with in_part; else 0.
+    pub corner: [u32; 2],
+}
+
+// SAFETY: repr(C), numbers and handles, the first its size.
+unsafe impl Structure for vr_hit_depths {}
+
+impl vr_depth_image {
     /// # Safety
     ///
     /// As [`DepthImage::from_raw`].
@@ -81,7 +108,8 @@ impl vr_depth_image {
                 format!("{:?}: is for plans with in_part", self.corner),
             ));
         }
-        let (projection, extent) = (self.projection()?, [self.extent.width, self.extent.height]);
+        let projection = projection(self.kind, [self.at_zero, self.at_one], &self.matrix)?;
+        let extent = [self.extent.width, self.extent.height];
         // SAFETY: the caller's promise.
         let image = unsafe { DepthImage::from_raw(gpu, self.view, self.format, extent, projection) };
         let image = if in_part { image.at(self.corner) } else { image };
@@ -140,18 +168,34 @@ pub struct vr_record_info {
     pub depth: *const vr_depth_image,
     /// First pixel of the rectangle, from the left and the top, for plans with in_part; else 0.
     pub corner: [u32; 2],
+    /// Image of hit depths; NULL if the plan is without.
+    pub hit_depths: *const vr_hit_depths,
 }
 
 // SAFETY: repr(C), numbers, handles and pointers, the first its size.
 unsafe impl Structure for vr_record_info {}
 
+/// The images of a recording.
+struct Images {
+    target: TargetImage,
+    depth: Option<DepthImage>,
+    hit_depths: Option<(TargetImage, DepthProjection)>,
+}
+
+impl Images {
+    fn info(&self) -> RecordInfo<'_> {
+        let hit_depths = self.hit_depths.as_ref().map(|(image, projection)| (image, *projection));
+        RecordInfo { target: Some(&self.target), depth: self.depth.as_ref(), hit_depths, owner: None }
+    }
+}
+
 impl vr_record_info {
-    /// Returns the target and the depth image for a plan.
+    /// Returns the images for a plan.
     ///
     /// # Safety
     ///
     /// As [`TargetImage::from_raw`] and [`DepthImage::from_raw`].
-    unsafe fn images(&self, caller: &Caller, plan: &Plan) -> Result<(TargetImage, Option<DepthImage>)> {
+    unsafe fn images(&self, caller: &Caller, plan: &Plan) -> Result<Images> {
         check_handle(self.commands, "commands")?;
         check_handle(self.image, "image")?;
         check_handle(self.view, "view")?;
@@ -165,7 +209,22 @@ impl vr_record_info {
         // SAFETY: the caller's promise.
         let target = unsafe { TargetImage::from_raw(&plan.gpu, self.image, self.view, self.format, extent) };
         // SAFETY: the caller's promise.
-        Ok((unsafe { target.at(self.corner) }, depth))
+        let target = unsafe { target.at(self.corner) };
+        let hit_depths = (!self.hit_depths.is_null())
+            .then(|| {
+                let hits = caller.structure(self.hit_depths, "vr_hit_depths")?;
+                check_handle(hits.image, "image of hit depths")?;
+                check_handle(hits.view, "view of hit depths")?;
+                let projection = projection(hits.kind, [hits.at_zero, hits.at_one], &hits.matrix)?;
+                let format = plan.hit_depth_format();
+                // SAFETY: the caller's promise.
+                let image =
+                    unsafe { TargetImage::from_raw(&plan.gpu, hits.image, hits.view, format, extent) };
+                // SAFETY: the caller's promise.
+                Ok((unsafe { image.at(hits.corner) }, projection))
+            })
+            .transpose()?;
+        Ok(Images { target, depth, hit_depths })
     }
 }
 
@@ -262,10 +321,10 @@ pub unsafe extern "C" fn vr_plan_record(
         let info = caller.structure(info, "vr_record_info")?;
         let mut plan = lock(&plan.plan, "plan")?;
         // SAFETY: the caller's promise.
-        let (target, depth) = unsafe { info.images(caller, &plan) }?;
+        let images = unsafe { info.images(caller, &plan) }?;
         // SAFETY: the caller's promise.
         let mut commands = unsafe { CommandBuffer::from_raw(&plan.gpu, info.commands) };
-        let recorded = plan.record(&mut commands, Some(&target), depth.as_ref())?;
+        let recorded = plan.record_with(&mut commands, images.info())?;
         Ok(vr_recording { state: Mutex::new(State::Pending(Box::new(recorded))) })
     })
 }
@@ -320,12 +379,8 @@ pub unsafe extern "C" fn vr_plans_record(
         let images = infos.iter().zip(&locked).map(images).collect::<Result<Vec<_>>>()?;
         // SAFETY: the caller's promise.
         let mut commands = unsafe { CommandBuffer::from_raw(&plan.gpu, first.commands) };
-        let given = images.iter().map(|(target, depth)| RecordInfo {
-            target: Some(target),
-            depth: depth.as_ref(),
-            ..RecordInfo::default()
-        });
-        let mut plans: Vec<_> = locked.iter_mut().map(|(_, plan)| &mut **plan).zip(given).collect();
+        let mut plans: Vec<_> =
+            locked.iter_mut().map(|(_, plan)| &mut **plan).zip(images.iter().map(Images::info)).collect();
         for (i, recorded) in Plan::record_together(&mut commands, &mut plans)?.into_iter().enumerate() {
             let recording = vr_recording { state: Mutex::new(State::Pending(Box::new(recorded))) };
             caller.write(recordings.wrapping_add(i), Box::into_raw(Box::new(recording)), "recordings")?;

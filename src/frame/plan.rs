@@ -529,6 +529,12 @@ impl Plan {
         self.target.part
     }
 
+    /// The format of its images of hit depths.
+    #[cfg(feature = "capi")]
+    pub(crate) fn hit_depth_format(&self) -> vk::Format {
+        self.target.hit_depths.map_or(vk::Format::UNDEFINED, |(format, _)| format)
+    }
+
     fn final_image(&self) -> Option<&Arc<Image>> {
         final_image(self.surfaces.as_ref(), self.upsampling.as_ref(), &*self.prepared)
     }

@@ -12,7 +12,7 @@ use volraster::scene::{
     Clip, Field, Lighting, Mode, Samples, Scene, Shading, Surface, TetScalars, TransferFunction,
 };
 use volraster::technique::Renderer;
-use volraster::{GpuScene, TargetDesc, TargetMode};
+use volraster::{GpuScene, RecordInfo, TargetDesc, TargetMode};
 
 use crate::common::caller::{Caller, Depth};
 use crate::common::{FOG, SHELLS, draw, perspective, technique, view};
@@ -120,6 +120,77 @@ fn frames_are_those_of_rust() {
     end_scene(scene);
     end_gpu(gpu);
     drop((depth, frame, rust, own));
+    engine.end_silently();
+}
+
+/// Depths at which rays become opaque are those of Rust to the bit.
+#[test]
+fn hit_depths_are_those_of_rust() {
+    const DEPTH: vk::Format = vk::Format::R32_SFLOAT;
+    let _turn = turn();
+    let engine = Engine::least();
+    let (gpu, own) = (adopt(&engine), engine.gpu());
+    let frame = Caller::new(&own, FORMAT, [40, 30], 16);
+    let depths = Caller::new(&own, DEPTH, [40, 30], 4);
+    let grid = Field::Blobs.sample([16; 3], "u8").unwrap();
+    let scene = c_scene(gpu, &grid, &FOG);
+    let rust = GpuScene::new(&own, Scene::new(grid, TransferFunction::from_rows(&FOG).unwrap()));
+    let view = view(perspective(), 1.0, 40, 30);
+    let info = sized!(vr_plan_info {
+        technique: c"slabs".as_ptr(),
+        format: FORMAT,
+        mode: vr_target_mode::VR_TARGET_OVER as u32,
+        hit_opacity: 0.25,
+        hit_format: DEPTH,
+    });
+    let mut plan = null_mut();
+    done!(vr_plan_create(scene, &info, &c_view(&view), &mut plan));
+    let hit_depths = sized!(vr_hit_depths {
+        image: depths.image,
+        view: depths.view,
+        kind: vr_depth_kind::VR_DEPTH_PERSPECTIVE as u32,
+        at_zero: f64::INFINITY,
+        at_one: 0.5,
+    });
+    let begin = || {
+        frame.begin([0.0, 0.0, 0.0, 1.0]);
+        depths.fill(frame.commands, [0.5; 4]);
+    };
+    let end = || {
+        depths.copy(frame.commands);
+        (frame.end(&own), depths.read())
+    };
+    begin();
+    let mut recording = null_mut();
+    let null_view = vr_hit_depths { view: vk::ImageView::null(), ..hit_depths };
+    for (given, words) in [(null(), "hit depths"), (&raw const null_view, "view of hit depths")] {
+        let info = vr_record_info { hit_depths: given, ..record_info(&frame) };
+        refused!(vr_plan_record(plan, &info, &mut recording), vr_result::VR_ERROR_INVALID, words);
+    }
+    let info = vr_record_info { hit_depths: &hit_depths, ..record_info(&frame) };
+    done!(vr_plan_record(plan, &info, &mut recording));
+    let got = end();
+    done!(vr_recording_completed(recording, null_mut()));
+    end_recording(recording);
+    let target = TargetDesc::caller(FORMAT, TargetMode::Over).with_hit_depths(DEPTH, 0.25).unwrap();
+    let mut plan_of_rust = Renderer::new(&rust, technique("slabs")).prepare(&view, &target).unwrap();
+    begin();
+    let projection = DepthProjection::perspective(f64::INFINITY, 0.5).unwrap();
+    let info = RecordInfo {
+        target: Some(&frame.target(&own)),
+        hit_depths: Some((&depths.target(&own), projection)),
+        ..RecordInfo::default()
+    };
+    let recorded = plan_of_rust.record_with(&mut frame.command_buffer(&own), info).unwrap();
+    let want = end();
+    recorded.completed().unwrap();
+    assert!(got == want);
+    let stored = got.1.chunks_exact(4).map(|b| f32::from_ne_bytes(b.try_into().unwrap()));
+    assert!(stored.clone().any(|s| s > 0.0) && stored.clone().any(|s| s == 0.0));
+    end_plan(plan);
+    end_scene(scene);
+    end_gpu(gpu);
+    drop((plan_of_rust, frame, depths, rust, own));
     engine.end_silently();
 }
 

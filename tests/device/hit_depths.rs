@@ -72,6 +72,10 @@ fn drawn(
 fn opacity_to(scene: &Scene, view: &View, depths: &[f64]) -> Vec<f64> {
     let width = view.extent()[0];
     let alpha = |(i, depth): (u32, &f64)| {
+        // One of three pixels tells, and the reference takes its time.
+        if i % 3 != 0 {
+            return f64::NAN;
+        }
         let pixel = DVec2::new(f64::from(i % width), f64::from(i / width)) + 0.5;
         let (origin, direction) = view.ray(pixel);
         let [begin, along] = [origin - view.camera().eye, direction].map(|v| v.dot(view.forward()));
@@ -150,7 +154,7 @@ fn the_ray_has_the_opacity_at_its_depth() {
                         });
                     let wrong: Vec<_> = wrong.collect();
                     assert!(
-                        wrong.len() <= depths.len() / 400,
+                        wrong.len() <= depths.len() / 1200,
                         "{what}, {} wrong: {:?}",
                         wrong.len(),
                         wrong.first()

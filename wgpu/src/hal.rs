@@ -138,7 +138,12 @@ pub(crate) fn record(
         order_colours(gpu, raw, image);
         // SAFETY: it belongs to the device and records on this thread, which has the encoder alone; wgpu submits it once, to the queue.
         let mut commands = unsafe { CommandBuffer::from_raw(gpu, raw) };
-        let info = RecordInfo { target: Some(&target), depth: depth.as_ref(), owner: Some(Arc::new(owner)) };
+        let info = RecordInfo {
+            target: Some(&target),
+            depth: depth.as_ref(),
+            owner: Some(Arc::new(owner)),
+            ..RecordInfo::default()
+        };
         let recorded = plan.record_with(&mut commands, info);
         order_colours(gpu, raw, image);
         recorded
