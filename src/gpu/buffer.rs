@@ -1,9 +1,9 @@
 //! Buffers that own their memory.
 
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 
 use super::device::Gpu;
+use super::host::{MemoryAccess, MemoryRequest};
 use super::memory::Memory;
 use crate::error::{Error, Result};
 
@@ -54,17 +54,17 @@ impl Buffer {
         }
         gpu.check_allocation(name, size)?;
         gpu.inner.budget.check(name, size)?;
-        let (mut usage, location) = match purpose {
+        let (mut usage, access) = match purpose {
             BufferUse::ShaderRead => {
-                (U::UNIFORM_BUFFER | U::STORAGE_BUFFER | U::TRANSFER_DST, MemoryLocation::GpuOnly)
+                (U::UNIFORM_BUFFER | U::STORAGE_BUFFER | U::TRANSFER_DST, MemoryAccess::Device)
             }
             BufferUse::ShaderWrite => (
                 U::STORAGE_BUFFER | U::INDIRECT_BUFFER | U::TRANSFER_SRC | U::TRANSFER_DST,
-                MemoryLocation::GpuOnly,
+                MemoryAccess::Device,
             ),
-            BufferUse::Addresses => (U::UNIFORM_BUFFER, MemoryLocation::CpuToGpu),
-            BufferUse::Upload => (U::TRANSFER_SRC, MemoryLocation::CpuToGpu),
-            BufferUse::Download => (U::TRANSFER_DST, MemoryLocation::GpuToCpu),
+            BufferUse::Addresses => (U::UNIFORM_BUFFER, MemoryAccess::Upload),
+            BufferUse::Upload => (U::TRANSFER_SRC, MemoryAccess::Upload),
+            BufferUse::Download => (U::TRANSFER_DST, MemoryAccess::Download),
         };
         if usage.contains(U::STORAGE_BUFFER) && gpu.is_addressed(size) {
             usage |= U::SHADER_DEVICE_ADDRESS;
@@ -72,14 +72,16 @@ impl Buffer {
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: the device is alive; `info` points at nothing; the size is not 0
         // (VUID-VkBufferCreateInfo-size-00912).
-        let raw = unsafe { gpu.device().create_buffer(&info, None) }
+        let raw = unsafe { gpu.device().create_buffer(&info, gpu.host_callbacks()) }
             .map_err(|result| gpu.failed("vkCreateBuffer", result))?;
         // `buffer` owns `raw` from here on, so every `?` below destroys it.
         let mut buffer = Self { gpu: gpu.clone(), raw, memory: None, size, name: name.to_string() };
         gpu.name(raw, name);
         // SAFETY: `raw` was just made from this device.
         let requirements = unsafe { gpu.device().get_buffer_memory_requirements(raw) };
-        let memory = buffer.memory.insert(Memory::new(gpu, name, requirements, location, true)?);
+        let addressed = usage.contains(U::SHADER_DEVICE_ADDRESS);
+        let request = MemoryRequest { name, requirements, access, is_buffer: true, addressed };
+        let memory = buffer.memory.insert(Memory::new(gpu, &request)?);
         let (memory, offset) = memory.place();
         // SAFETY: the buffer is unbound; memory type, size and alignment come from its requirements.
         unsafe { gpu.device().bind_buffer_memory(raw, memory, offset) }
@@ -102,12 +104,12 @@ impl Buffer {
     /// Returns the mapped memory; `None` for buffers in device memory. The device does not access staging memory at the
     /// same time: uploads are submitted after the host has written, downloads are read after the fence.
     pub(crate) fn bytes(&self) -> Option<&[u8]> {
-        self.memory.as_ref()?.allocation.mapped_slice()
+        self.memory.as_ref()?.bytes()
     }
 
     /// Returns the mapped memory for writing.
     pub(crate) fn bytes_mut(&mut self) -> Option<&mut [u8]> {
-        self.memory.as_mut()?.allocation.mapped_slice_mut()
+        self.memory.as_mut()?.bytes_mut()
     }
 }
 
@@ -122,6 +124,6 @@ impl Drop for Buffer {
     fn drop(&mut self) {
         // SAFETY: a submission holds every resource it names until its fence has signalled, so no
         // pending command refers to `raw` (VUID-vkDestroyBuffer-buffer-00922).
-        unsafe { self.gpu.device().destroy_buffer(self.raw, None) };
+        unsafe { self.gpu.device().destroy_buffer(self.raw, self.gpu.host_callbacks()) };
     }
 }

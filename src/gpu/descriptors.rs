@@ -55,7 +55,7 @@ impl Descriptors {
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: the device is alive; every pipeline of this crate has at least one binding, so the sizes
         // are not empty.
-        let pool = unsafe { gpu.device().create_descriptor_pool(&info, None) }
+        let pool = unsafe { gpu.device().create_descriptor_pool(&info, gpu.host_callbacks()) }
             .map_err(|result| gpu.failed("vkCreateDescriptorPool", result))?;
         let set = vk::DescriptorSet::null();
         let mut descriptors = Self { gpu: gpu.clone(), pool, set, resources, addresses };
@@ -135,7 +135,7 @@ impl Descriptors {
 impl Drop for Descriptors {
     fn drop(&mut self) {
         // SAFETY: a submission holds its descriptors until its fence has signalled; sets go with the pool.
-        unsafe { self.gpu.device().destroy_descriptor_pool(self.pool, None) };
+        unsafe { self.gpu.device().destroy_descriptor_pool(self.pool, self.gpu.host_callbacks()) };
     }
 }
 
@@ -190,7 +190,7 @@ impl Gpu {
             .mipmap_mode(if mips { vk::SamplerMipmapMode::LINEAR } else { vk::SamplerMipmapMode::NEAREST })
             .max_lod(if mips { vk::LOD_CLAMP_NONE } else { 0.0 });
         // SAFETY: the device is alive; `info` points at nothing.
-        let sampler = unsafe { self.device().create_sampler(&info, None) }
+        let sampler = unsafe { self.device().create_sampler(&info, self.host_callbacks()) }
             .map_err(|result| self.failed("vkCreateSampler", result))?;
         samplers.insert((filter, mips), sampler);
         let name = match (filter, mips) {

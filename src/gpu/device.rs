@@ -10,6 +10,7 @@ use gpu_allocator::vulkan::Allocator;
 use super::budget::Budget;
 use super::cache::PipelineCacheFile;
 use super::feature::{Enabled, OptionalFeature};
+use super::host::{AllocationCallbacks, Compilation, MemorySource};
 use super::instance::{Instance, c_name};
 use super::pipeline::{Pipeline, PipelineKey};
 use super::queue::Queue;
@@ -90,6 +91,10 @@ pub(crate) struct Inner {
     /// Microseconds spent on building pipelines.
     pub(super) pipeline_us: AtomicU64,
     pub(super) allocator: Mutex<Option<Allocator>>,
+    /// The caller's memory, in place of the allocator.
+    pub(super) memory: Option<Arc<dyn MemorySource>>,
+    pub(super) callbacks: Option<AllocationCallbacks>,
+    pub(super) compilation: Option<Compilation>,
     pub(super) queue: Queue,
     pub(super) pipelines: Mutex<HashMap<PipelineKey, Arc<Pipeline>>>,
     pub(super) samplers: Mutex<HashMap<(vk::Filter, bool), vk::Sampler>>,
@@ -122,6 +127,11 @@ impl Gpu {
     /// Returns the limits of the device, as options may have lowered them.
     pub(crate) fn limits(&self) -> &vk::PhysicalDeviceLimits {
         &self.inner.candidate.properties.limits
+    }
+
+    /// Returns the caller's callbacks for host memory.
+    pub(super) fn host_callbacks(&self) -> Option<&vk::AllocationCallbacks<'static>> {
+        self.inner.host_callbacks()
     }
 
     /// Locks the allocator, which is `None` only while the device is being destroyed.
@@ -200,6 +210,10 @@ impl LossNote {
 }
 
 impl Inner {
+    pub(super) fn host_callbacks(&self) -> Option<&vk::AllocationCallbacks<'static>> {
+        self.callbacks.as_ref().map(AllocationCallbacks::get)
+    }
+
     fn save_cache(&self) {
         let Some(file) = self.cache_file.as_ref().filter(|_| self.cache != vk::PipelineCache::null()) else {
             return;
@@ -220,17 +234,19 @@ impl Drop for Inner {
             let _ = unsafe { self.device.device_wait_idle() };
         }
         self.save_cache();
+        let callbacks = self.callbacks;
+        let callbacks = callbacks.as_ref().map(AllocationCallbacks::get);
         for pipeline in self.pipelines.get_mut().unwrap_or_else(PoisonError::into_inner).values() {
-            pipeline.destroy(&self.device);
+            pipeline.destroy(&self.device, callbacks);
         }
         for &sampler in self.samplers.get_mut().unwrap_or_else(PoisonError::into_inner).values() {
             // SAFETY: made from this device; the queue is idle and every descriptor set is gone, since
             // each holds the `Gpu`.
-            unsafe { self.device.destroy_sampler(sampler, None) };
+            unsafe { self.device.destroy_sampler(sampler, callbacks) };
         }
         if self.own_cache {
             // SAFETY: made from this device, or null; no pipeline is being built.
-            unsafe { self.device.destroy_pipeline_cache(self.cache, None) };
+            unsafe { self.device.destroy_pipeline_cache(self.cache, callbacks) };
         }
         // The allocator frees its blocks of memory before the device is destroyed.
         drop(self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner).take());

@@ -1,9 +1,9 @@
 //! Images that own their memory and one view.
 
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 
 use super::device::Gpu;
+use super::host::{MemoryAccess, MemoryRequest};
 use super::memory::Memory;
 use crate::error::{Error, Result};
 
@@ -112,7 +112,7 @@ impl Image {
             .usage(desc.usage);
         // SAFETY: the device is alive; the extent was checked against the limits; `info` points at
         // nothing.
-        let raw = unsafe { gpu.device().create_image(&info, None) }
+        let raw = unsafe { gpu.device().create_image(&info, gpu.host_callbacks()) }
             .map_err(|result| gpu.failed("vkCreateImage", result))?;
         // `image` owns `raw` from here on, so every `?` below destroys it.
         let mut image = Self {
@@ -126,8 +126,9 @@ impl Image {
         gpu.name(raw, name);
         // SAFETY: `raw` was just made from this device.
         let requirements = unsafe { gpu.device().get_image_memory_requirements(raw) };
-        let location = MemoryLocation::GpuOnly;
-        let memory = image.memory.insert(Memory::new(gpu, name, requirements, location, false)?);
+        let access = MemoryAccess::Device;
+        let request = MemoryRequest { name, requirements, access, is_buffer: false, addressed: false };
+        let memory = image.memory.insert(Memory::new(gpu, &request)?);
         let (memory, offset) = memory.place();
         // SAFETY: the image is unbound; memory type, size and alignment come from its requirements.
         unsafe { gpu.device().bind_image_memory(raw, memory, offset) }
@@ -143,7 +144,7 @@ impl Image {
             .format(desc.format)
             .subresource_range(whole(vk::ImageAspectFlags::COLOR));
         // SAFETY: the image is bound to memory and outlives its view.
-        image.view = unsafe { gpu.device().create_image_view(&info, None) }
+        image.view = unsafe { gpu.device().create_image_view(&info, gpu.host_callbacks()) }
             .map_err(|result| gpu.failed("vkCreateImageView", result))?;
         gpu.name(image.view, name);
         Ok(image)
@@ -158,9 +159,9 @@ impl Drop for Image {
     fn drop(&mut self) {
         // SAFETY: a submission holds every resource it names until its fence has signalled, so no
         // pending command refers to the view (VUID-vkDestroyImageView-imageView-01026); null is allowed.
-        unsafe { self.gpu.device().destroy_image_view(self.view, None) };
+        unsafe { self.gpu.device().destroy_image_view(self.view, self.gpu.host_callbacks()) };
         // SAFETY: the same for the image (VUID-vkDestroyImage-image-01000).
-        unsafe { self.gpu.device().destroy_image(self.raw, None) };
+        unsafe { self.gpu.device().destroy_image(self.raw, self.gpu.host_callbacks()) };
     }
 }
 

@@ -29,7 +29,7 @@ impl Gpu {
             .flags(flags);
         let _held = self.lock_layer();
         // SAFETY: the device is alive and has this queue family.
-        unsafe { self.device().create_command_pool(&info, None) }
+        unsafe { self.device().create_command_pool(&info, self.host_callbacks()) }
             .map_err(|result| self.failed("vkCreateCommandPool", result))
     }
 
@@ -41,6 +41,6 @@ impl Gpu {
     pub(super) unsafe fn destroy_command_pool(&self, pool: vk::CommandPool) {
         let _held = self.lock_layer();
         // SAFETY: the caller's promise.
-        unsafe { self.device().destroy_command_pool(pool, None) };
+        unsafe { self.device().destroy_command_pool(pool, self.host_callbacks()) };
     }
 }

@@ -1,5 +1,7 @@
 //! Device memory of buffers and images: limits, allocation, release.
 
+use std::slice;
+
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
@@ -7,6 +9,7 @@ use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 use super::budget::Reservation;
 use super::device::Gpu;
 use super::feature::OptionalFeature;
+use super::host::{MemoryAccess, MemoryPart, MemoryRequest, MemorySource};
 use crate::error::{Error, Result};
 
 impl Gpu {
@@ -41,59 +44,127 @@ impl Gpu {
 #[derive(Debug)]
 pub(super) struct Memory {
     gpu: Gpu,
-    pub(super) allocation: Allocation,
+    part: Part,
+    size: usize,
     _reservation: Reservation,
 }
 
+/// Who gave it.
+#[derive(Debug)]
+enum Part {
+    Allocator(Allocation),
+    Caller(MemoryPart),
+}
+
+// SAFETY: the pointer of the caller's part is to memory that is this object's alone.
+unsafe impl Send for Part {}
+// SAFETY: it is read and written through references to this object.
+unsafe impl Sync for Part {}
+
 impl Memory {
-    /// Reserves and allocates memory for a resource. `linear` says that it is a buffer.
-    pub(super) fn new(
-        gpu: &Gpu,
-        name: &str,
-        requirements: vk::MemoryRequirements,
-        location: MemoryLocation,
-        linear: bool,
-    ) -> Result<Self> {
+    /// Reserves and allocates memory for a resource. `addressed` says that it is a buffer that shaders find by its address.
+    pub(super) fn new(gpu: &Gpu, request: &MemoryRequest<'_>) -> Result<Self> {
+        let MemoryRequest { name, requirements, .. } = *request;
         gpu.check_allocation(name, requirements.size)?;
         let reservation = gpu.inner.budget.reserve(name, requirements.size)?;
-        let desc = AllocationCreateDesc {
-            name,
-            requirements,
-            location,
-            linear,
-            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+        let part = match &gpu.inner.memory {
+            Some(source) => Part::Caller(of_caller(gpu, &**source, request)?),
+            None => Part::Allocator(of_allocator(gpu, request)?),
         };
-        let allocated = match gpu.allocator().as_mut() {
-            Some(allocator) => allocator.allocate(&desc),
-            None => Err(gpu_allocator::AllocationError::Internal("the device is being destroyed".into())),
-        };
-        let promised = gpu.inner.max_allocation;
-        let mut allocation = allocated.map_err(|source| match source {
-            gpu_allocator::AllocationError::OutOfMemory if requirements.size > promised => {
-                let why =
-                    format!("promises {promised} bytes in one allocation and refuses {}", requirements.size);
-                Error::unsupported(name, format!("the driver {why}"))
-            }
-            source => Error::Allocation { object: name.to_string(), source },
-        })?;
-        if let (true, Some(bytes)) = (gpu.inner.poison, allocation.mapped_slice_mut()) {
+        // No host sees more than it can address.
+        let size = usize::try_from(requirements.size).unwrap_or(0);
+        let mut made = Self { gpu: gpu.clone(), part, size, _reservation: reservation };
+        if let (true, Some(bytes)) = (gpu.inner.poison, made.bytes_mut()) {
             bytes.fill(0xFF);
         }
-        Ok(Self { gpu: gpu.clone(), allocation, _reservation: reservation })
+        Ok(made)
     }
 
     /// Returns the handle and the offset to bind the resource to.
     pub(super) fn place(&self) -> (vk::DeviceMemory, u64) {
-        // SAFETY: the resource that is bound to it is destroyed before this object.
-        (unsafe { self.allocation.memory() }, self.allocation.offset())
+        match &self.part {
+            // SAFETY: the resource that is bound to it is destroyed before this object.
+            Part::Allocator(allocation) => (unsafe { allocation.memory() }, allocation.offset()),
+            Part::Caller(part) => (part.memory, part.offset),
+        }
     }
+
+    /// Returns the mapped memory; `None` where the host sees none.
+    pub(super) fn bytes(&self) -> Option<&[u8]> {
+        match &self.part {
+            Part::Allocator(allocation) => allocation.mapped_slice(),
+            // SAFETY: the source promises that the part is mapped, this large, and this object's alone.
+            Part::Caller(part) => {
+                part.mapped.map(|start| unsafe { slice::from_raw_parts(start.as_ptr(), self.size) })
+            }
+        }
+    }
+
+    /// Returns the mapped memory for writing.
+    pub(super) fn bytes_mut(&mut self) -> Option<&mut [u8]> {
+        match &mut self.part {
+            Part::Allocator(allocation) => allocation.mapped_slice_mut(),
+            // SAFETY: as above.
+            Part::Caller(part) => {
+                part.mapped.map(|start| unsafe { slice::from_raw_parts_mut(start.as_ptr(), self.size) })
+            }
+        }
+    }
+}
+
+/// Asks the crate's allocator.
+fn of_allocator(gpu: &Gpu, request: &MemoryRequest<'_>) -> Result<Allocation> {
+    let MemoryRequest { name, requirements, access, is_buffer, .. } = *request;
+    let location = match access {
+        MemoryAccess::Device => MemoryLocation::GpuOnly,
+        MemoryAccess::Upload => MemoryLocation::CpuToGpu,
+        MemoryAccess::Download => MemoryLocation::GpuToCpu,
+    };
+    let allocation_scheme = AllocationScheme::GpuAllocatorManaged;
+    let desc = AllocationCreateDesc { name, requirements, location, linear: is_buffer, allocation_scheme };
+    let allocated = match gpu.allocator().as_mut() {
+        Some(allocator) => allocator.allocate(&desc),
+        None => Err(gpu_allocator::AllocationError::Internal("the device is being destroyed".into())),
+    };
+    let promised = gpu.inner.max_allocation;
+    allocated.map_err(|source| match source {
+        gpu_allocator::AllocationError::OutOfMemory if requirements.size > promised => {
+            let why =
+                format!("promises {promised} bytes in one allocation and refuses {}", requirements.size);
+            Error::unsupported(name, format!("the driver {why}"))
+        }
+        source => Error::Allocation { object: name.to_string(), source },
+    })
+}
+
+/// Asks the caller's source, and checks what can be checked.
+fn of_caller(gpu: &Gpu, source: &dyn MemorySource, request: &MemoryRequest<'_>) -> Result<MemoryPart> {
+    let MemoryRequest { name, requirements, access, .. } = *request;
+    let part =
+        source.allocate(request).map_err(|result| gpu.failed("allocate of the caller's memory", result))?;
+    let wrong = match part {
+        MemoryPart { memory, .. } if memory == vk::DeviceMemory::null() => "is null",
+        MemoryPart { offset, .. } if !offset.is_multiple_of(requirements.alignment.max(1)) => {
+            "begins at an offset that is not aligned"
+        }
+        MemoryPart { mapped: None, .. } if access != MemoryAccess::Device => "is not mapped",
+        _ => return Ok(part),
+    };
+    source.free(part);
+    Err(Error::invalid(name, format!("the caller's memory for it {wrong}")))
 }
 
 impl Drop for Memory {
     fn drop(&mut self) {
-        if let Some(allocator) = self.gpu.allocator().as_mut() {
-            // The only error is a broken invariant of the allocator, which a destructor cannot report.
-            let _ = allocator.free(std::mem::take(&mut self.allocation));
+        match (&mut self.part, &self.gpu.inner.memory) {
+            (Part::Caller(part), Some(source)) => source.free(*part),
+            (Part::Allocator(allocation), _) => {
+                if let Some(allocator) = self.gpu.allocator().as_mut() {
+                    // The only error is a broken invariant of the allocator, which a destructor cannot report.
+                    let _ = allocator.free(std::mem::take(allocation));
+                }
+            }
+            (Part::Caller(_), None) => {}
         }
     }
 }

@@ -22,6 +22,7 @@ mod external;
 #[cfg(feature = "testing")]
 mod faults;
 mod feature;
+mod host;
 mod image;
 #[cfg(feature = "testing")]
 mod inject;
@@ -73,6 +74,7 @@ pub use external::{CommandBuffer, TargetImage};
 #[cfg(feature = "testing")]
 pub use faults::Fault;
 pub use feature::{Enabled, FeatureStructures, OptionalFeature};
+pub use host::{AllocationCallbacks, Compilation, MemoryAccess, MemoryPart, MemoryRequest, MemorySource};
 #[cfg(feature = "testing")]
 pub use inject::Injection;
 pub use open::devices;

@@ -195,6 +195,9 @@ impl Gpu {
             filter_errors: OnceLock::new(),
             pipeline_us: AtomicU64::new(0),
             allocator: Mutex::new(None),
+            memory: options.memory.clone(),
+            callbacks: options.allocation_callbacks,
+            compilation: options.compilation.clone(),
             queue,
             pipelines: Mutex::default(),
             samplers: Mutex::default(),
@@ -210,22 +213,24 @@ impl Gpu {
             let data = inner.cache_file.as_ref().and_then(PipelineCacheFile::load).unwrap_or_default();
             let info = vk::PipelineCacheCreateInfo::default().initial_data(&data);
             // SAFETY: the data is empty, or this crate wrote it for this device and driver and its hash matches.
-            inner.cache = unsafe { inner.device.create_pipeline_cache(&info, None) }
+            inner.cache = unsafe { inner.device.create_pipeline_cache(&info, inner.host_callbacks()) }
                 .map_err(|result| Error::vulkan("vkCreatePipelineCache", result))?;
         }
-        let allocator = Allocator::new(&AllocatorCreateDesc {
-            instance: inner.instance.raw.clone(),
-            device: inner.device.clone(),
-            physical_device: physical,
-            debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
-            buffer_device_address,
-            // Blocks grow with use, so that a small scene allocates little more than it needs.
-            allocation_sizes: gpu_allocator::AllocationSizes::new(BLOCK_BYTES, BLOCK_BYTES)
-                .with_max_device_memblock_size(max_allocation.min(16 * BLOCK_BYTES))
-                .with_max_host_memblock_size(max_allocation.min(16 * BLOCK_BYTES)),
-        })
-        .map_err(|source| Error::Allocation { object: "allocator".to_string(), source })?;
-        inner.allocator = Mutex::new(Some(allocator));
+        if inner.memory.is_none() {
+            let allocator = Allocator::new(&AllocatorCreateDesc {
+                instance: inner.instance.raw.clone(),
+                device: inner.device.clone(),
+                physical_device: physical,
+                debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
+                buffer_device_address,
+                // Blocks grow with use, so that a small scene allocates little more than it needs.
+                allocation_sizes: gpu_allocator::AllocationSizes::new(BLOCK_BYTES, BLOCK_BYTES)
+                    .with_max_device_memblock_size(max_allocation.min(16 * BLOCK_BYTES))
+                    .with_max_host_memblock_size(max_allocation.min(16 * BLOCK_BYTES)),
+            })
+            .map_err(|source| Error::Allocation { object: "allocator".to_string(), source })?;
+            inner.allocator = Mutex::new(Some(allocator));
+        }
         let gpu = Self { inner: Arc::new(inner) };
         if gpu.inner.own_cache {
             gpu.name(gpu.inner.cache, "pipeline cache");

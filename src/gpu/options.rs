@@ -6,6 +6,7 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::feature::OptionalFeature;
+use super::host::{AllocationCallbacks, Compilation, MemorySource};
 #[cfg(feature = "testing")]
 use super::inject::Injection;
 use super::validation::{Validation, ValidationLog};
@@ -55,6 +56,13 @@ pub struct GpuOptions {
     /// Bytes of a volume that one submission uploads, rounded to whole planes; 32 MiB by default. Frames of other threads
     /// wait for at most two such submissions.
     pub staging_bytes: Option<u64>,
+    /// Gives the memory of all buffers and images, in place of the crate's allocator, which then allocates nothing.
+    pub memory: Option<Arc<dyn MemorySource>>,
+    /// The callbacks for host memory of every object that the crate makes on the device. The crate's allocator of device memory has
+    /// none: with them goes `memory`.
+    pub allocation_callbacks: Option<AllocationCallbacks>,
+    /// The threads that compile pipelines; as many of the crate's own as the processor runs where it is `None`.
+    pub compilation: Option<Compilation>,
     /// Where compiled pipelines are kept.
     pub pipeline_cache: PipelineCache,
     /// Whether the device presents images in windows ([`Screen`](crate::window::Screen)). An error where it cannot.

@@ -136,12 +136,12 @@ impl Pipeline {
     }
 
     /// Destroys the handles. Called by the destructor of the device, and for a pipeline that could not be built.
-    pub(super) fn destroy(&self, device: &ash::Device) {
+    pub(super) fn destroy(&self, device: &ash::Device, callbacks: Option<&vk::AllocationCallbacks<'_>>) {
         // SAFETY: made from this device, which is idle; null is allowed.
-        unsafe { device.destroy_pipeline(self.raw(), None) };
+        unsafe { device.destroy_pipeline(self.raw(), callbacks) };
         // SAFETY: as above.
-        unsafe { device.destroy_pipeline_layout(self.layout, None) };
+        unsafe { device.destroy_pipeline_layout(self.layout, callbacks) };
         // SAFETY: as above; every set of this layout is destroyed.
-        unsafe { device.destroy_descriptor_set_layout(self.set_layout, None) };
+        unsafe { device.destroy_descriptor_set_layout(self.set_layout, callbacks) };
     }
 }

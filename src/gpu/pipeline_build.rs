@@ -1,7 +1,7 @@
 //! Builds pipelines: the layouts when a pipeline is first asked for, and the pipelines of a recording in parallel before it.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Instant;
 
@@ -43,7 +43,7 @@ impl Gpu {
         }
         let mut pipeline = Pipeline { name: name.to_string(), key: key.clone(), ..Pipeline::default() };
         if let Err(error) = self.make_layouts(&mut pipeline) {
-            pipeline.destroy(self.device());
+            pipeline.destroy(self.device(), self.host_callbacks());
             return Err(error);
         }
         self.name(pipeline.layout, name);
@@ -53,7 +53,7 @@ impl Gpu {
         Ok(pipeline)
     }
 
-    /// Builds those of the pipelines that are not built yet, on as many threads as the processor runs.
+    /// Builds those of the pipelines that are not built yet: on the caller's threads, else on as many as the processor runs.
     pub(crate) fn build<'a>(&self, pipelines: impl Iterator<Item = &'a Arc<Pipeline>>) -> Result<()> {
         let mut open: Vec<&Pipeline> = Vec::new();
         for pipeline in pipelines.filter(|pipeline| !pipeline.is_built()) {
@@ -65,6 +65,25 @@ impl Gpu {
             return Ok(());
         }
         let start = Instant::now();
+        let result = self.build_all(&open);
+        let spent = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
+        self.inner.pipeline_us.fetch_add(spent, Ordering::Relaxed);
+        result
+    }
+
+    fn build_all(&self, open: &[&Pipeline]) -> Result<()> {
+        if let Some(compilation) = &self.inner.compilation {
+            let failed = Mutex::new(Ok(()));
+            compilation.run(open.len(), &|i| {
+                if let Some(Err(error)) = open.get(i).map(|pipeline| self.build_one(pipeline)) {
+                    let mut failed = failed.lock().unwrap_or_else(PoisonError::into_inner);
+                    *failed = Err(error);
+                }
+            });
+            failed.into_inner().unwrap_or_else(PoisonError::into_inner)?;
+            // Those that it has left out.
+            return open.iter().try_for_each(|pipeline| self.build_one(pipeline));
+        }
         let next = AtomicUsize::new(0);
         let work = || {
             let mut built = Ok(());
@@ -75,16 +94,13 @@ impl Gpu {
         };
         let threads = thread::available_parallelism().map_or(1, usize::from).min(open.len());
         // Threads of its own: a thread of a pool that waits may take other work of the caller's, which may build the same pipeline.
-        let built = thread::scope(|scope| {
+        thread::scope(|scope| {
             let others: Vec<_> = (1..threads).map(|_| scope.spawn(work)).collect();
             others.into_iter().fold(work(), |built, other| match other.join() {
                 Ok(result) => built.and(result),
                 Err(panic) => std::panic::resume_unwind(panic),
             })
-        });
-        let spent = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
-        self.inner.pipeline_us.fetch_add(spent, Ordering::Relaxed);
-        built
+        })
     }
 
     /// Builds a pipeline, unless another thread has.
@@ -149,8 +165,9 @@ impl Gpu {
         let entries: Vec<_> = pipeline.bindings.iter().map(entry).collect();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&entries);
         // SAFETY: the device is alive; `info` points at `entries`, which outlive the call.
-        pipeline.set_layout = unsafe { self.device().create_descriptor_set_layout(&info, None) }
-            .map_err(|result| self.failed("vkCreateDescriptorSetLayout", result))?;
+        pipeline.set_layout =
+            unsafe { self.device().create_descriptor_set_layout(&info, self.host_callbacks()) }
+                .map_err(|result| self.failed("vkCreateDescriptorSetLayout", result))?;
         let size = pipeline.push_bytes;
         let ranges = [vk::PushConstantRange { stage_flags: stages, offset: 0, size }];
         let set_layouts = [pipeline.set_layout];
@@ -160,7 +177,7 @@ impl Gpu {
         }
         // SAFETY: the device is alive; no shader declares more than 128 bytes of push constants, which
         // every device offers; `info` points at locals.
-        pipeline.layout = unsafe { self.device().create_pipeline_layout(&info, None) }
+        pipeline.layout = unsafe { self.device().create_pipeline_layout(&info, self.host_callbacks()) }
             .map_err(|result| self.failed("vkCreatePipelineLayout", result))?;
         Ok(())
     }
@@ -220,7 +237,9 @@ impl Gpu {
             .push_next(&mut rendering);
         // SAFETY: every pointer in `info` refers to a local; the modules are alive; dynamic rendering is
         // enabled, so no render pass is needed.
-        let built = unsafe { self.device().create_graphics_pipelines(self.inner.cache, &[info], None) };
+        let built = unsafe {
+            self.device().create_graphics_pipelines(self.inner.cache, &[info], self.host_callbacks())
+        };
         self.first(built, "vkCreateGraphicsPipelines")
     }
 
@@ -236,7 +255,9 @@ impl Gpu {
             .stage(module.stage(&constants))
             .layout(layout);
         // SAFETY: every pointer in `info` refers to a local; the module is alive.
-        let built = unsafe { self.device().create_compute_pipelines(self.inner.cache, &[info], None) };
+        let built = unsafe {
+            self.device().create_compute_pipelines(self.inner.cache, &[info], self.host_callbacks())
+        };
         self.first(built, "vkCreateComputePipelines")
     }
 
@@ -266,7 +287,7 @@ impl<'a> Module<'a> {
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the device is alive; the code was compiled for this version of Vulkan at build time. Where it was rewritten,
         // the device has buffers with addresses.
-        let raw = unsafe { gpu.device().create_shader_module(&info, None) }
+        let raw = unsafe { gpu.device().create_shader_module(&info, gpu.host_callbacks()) }
             .map_err(|result| gpu.failed("vkCreateShaderModule", result))?;
         gpu.name(raw, shader.name);
         Ok(Self { gpu, raw, stage: shader.stage })
@@ -284,7 +305,7 @@ impl<'a> Module<'a> {
 impl Drop for Module<'_> {
     fn drop(&mut self) {
         // SAFETY: made from this device; pipelines do not need their modules once built.
-        unsafe { self.gpu.device().destroy_shader_module(self.raw, None) };
+        unsafe { self.gpu.device().destroy_shader_module(self.raw, self.gpu.host_callbacks()) };
     }
 }
 

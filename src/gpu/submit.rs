@@ -65,8 +65,9 @@ impl Commands {
             CommandBuffer::own(gpu, first)
         };
         // SAFETY: the device is alive.
-        commands.fence = unsafe { gpu.device().create_fence(&vk::FenceCreateInfo::default(), None) }
-            .map_err(|result| gpu.failed("vkCreateFence", result))?;
+        commands.fence =
+            unsafe { gpu.device().create_fence(&vk::FenceCreateInfo::default(), gpu.host_callbacks()) }
+                .map_err(|result| gpu.failed("vkCreateFence", result))?;
         gpu.name(commands.fence, "fence");
         Ok(commands)
     }
@@ -199,7 +200,7 @@ impl Drop for Commands {
             return;
         }
         // SAFETY: no pending submission uses the fence; null is allowed.
-        unsafe { self.gpu.device().destroy_fence(self.fence, None) };
+        unsafe { self.gpu.device().destroy_fence(self.fence, self.gpu.host_callbacks()) };
         // SAFETY: the command buffer is not pending; the pool frees it.
         unsafe { self.gpu.destroy_command_pool(self.pool) };
     }

@@ -25,7 +25,7 @@ impl Timers {
         let info =
             vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(passes + 1);
         // SAFETY: the device is alive and its queue has timestamps.
-        let pool = unsafe { gpu.device().create_query_pool(&info, None) }
+        let pool = unsafe { gpu.device().create_query_pool(&info, gpu.host_callbacks()) }
             .map_err(|result| gpu.failed("vkCreateQueryPool", result))?;
         gpu.name(pool, "pass timers");
         Ok(Some(Arc::new(Self { gpu: gpu.clone(), pool, passes })))
@@ -53,6 +53,6 @@ impl Timers {
 impl Drop for Timers {
     fn drop(&mut self) {
         // SAFETY: a submission holds its timers until its fence has signalled.
-        unsafe { self.gpu.device().destroy_query_pool(self.pool, None) };
+        unsafe { self.gpu.device().destroy_query_pool(self.pool, self.gpu.host_callbacks()) };
     }
 }

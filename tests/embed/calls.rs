@@ -12,6 +12,7 @@ type Watch = Box<dyn Fn(&'static str) + Send>;
 // Of the one device that a test has, one test at a time. Threads of the crate call too.
 static CACHES: Mutex<Vec<vk::PipelineCache>> = Mutex::new(Vec::new());
 static CALLS: Mutex<Vec<&'static str>> = Mutex::new(Vec::new());
+static HOSTS: Mutex<[usize; 2]> = Mutex::new([0; 2]);
 static WATCH: Mutex<Option<Watch>> = Mutex::new(None);
 
 fn note(name: &'static str) {
@@ -45,6 +46,17 @@ pub fn caches<R>(work: impl FnOnce() -> R) -> (R, Vec<vk::PipelineCache>) {
 
 fn note_cache(cache: vk::PipelineCache) {
     CACHES.lock().unwrap().push(cache);
+}
+
+/// How many calls that create or destroy an object were given callbacks for host memory while `work` ran, and how many none.
+pub fn hosts<R>(work: impl FnOnce() -> R) -> (R, [usize; 2]) {
+    *HOSTS.lock().unwrap() = [0; 2];
+    let result = work();
+    (result, *HOSTS.lock().unwrap())
+}
+
+fn note_host(callbacks: In) {
+    HOSTS.lock().unwrap()[usize::from(callbacks.is_null())] += 1;
 }
 
 /// Stands in for commands that the guide does not list. The caller's calling convention leaves arguments to the caller.
@@ -100,31 +112,31 @@ noted! {
     vkBindImageMemory(d: vk::Device, a: vk::Image, b: vk::DeviceMemory, c: u64) -> Vr;
     vkBindBufferMemory2(d: vk::Device, a: u32, b: In) -> Vr;
     vkBindImageMemory2(d: vk::Device, a: u32, b: In) -> Vr;
-    vkCreateBuffer(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateBuffer(d: vk::Device, a: In, b: In, c: Out) -> Vr [note_host(b)];
     vkCreateBufferView(d: vk::Device, a: In, b: In, c: Out) -> Vr;
-    vkCreateImage(d: vk::Device, a: In, b: In, c: Out) -> Vr;
-    vkCreateImageView(d: vk::Device, a: In, b: In, c: Out) -> Vr;
-    vkCreateSampler(d: vk::Device, a: In, b: In, c: Out) -> Vr;
-    vkCreateShaderModule(d: vk::Device, a: In, b: In, c: Out) -> Vr;
-    vkCreatePipelineCache(d: vk::Device, a: In, b: In, c: Out) -> Vr;
-    vkCreatePipelineLayout(d: vk::Device, a: In, b: In, c: Out) -> Vr;
-    vkCreateDescriptorSetLayout(d: vk::Device, a: In, b: In, c: Out) -> Vr;
-    vkCreateDescriptorPool(d: vk::Device, a: In, b: In, c: Out) -> Vr;
-    vkCreateQueryPool(d: vk::Device, a: In, b: In, c: Out) -> Vr;
-    vkCreateFence(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateImage(d: vk::Device, a: In, b: In, c: Out) -> Vr [note_host(b)];
+    vkCreateImageView(d: vk::Device, a: In, b: In, c: Out) -> Vr [note_host(b)];
+    vkCreateSampler(d: vk::Device, a: In, b: In, c: Out) -> Vr [note_host(b)];
+    vkCreateShaderModule(d: vk::Device, a: In, b: In, c: Out) -> Vr [note_host(b)];
+    vkCreatePipelineCache(d: vk::Device, a: In, b: In, c: Out) -> Vr [note_host(b)];
+    vkCreatePipelineLayout(d: vk::Device, a: In, b: In, c: Out) -> Vr [note_host(b)];
+    vkCreateDescriptorSetLayout(d: vk::Device, a: In, b: In, c: Out) -> Vr [note_host(b)];
+    vkCreateDescriptorPool(d: vk::Device, a: In, b: In, c: Out) -> Vr [note_host(b)];
+    vkCreateQueryPool(d: vk::Device, a: In, b: In, c: Out) -> Vr [note_host(b)];
+    vkCreateFence(d: vk::Device, a: In, b: In, c: Out) -> Vr [note_host(b)];
     vkCreateSemaphore(d: vk::Device, a: In, b: In, c: Out) -> Vr;
     vkCreateEvent(d: vk::Device, a: In, b: In, c: Out) -> Vr;
-    vkCreateCommandPool(d: vk::Device, a: In, b: In, c: Out) -> Vr;
+    vkCreateCommandPool(d: vk::Device, a: In, b: In, c: Out) -> Vr [note_host(b)];
     vkCreateRenderPass(d: vk::Device, a: In, b: In, c: Out) -> Vr;
     vkCreateFramebuffer(d: vk::Device, a: In, b: In, c: Out) -> Vr;
-    vkCreateComputePipelines(d: vk::Device, a: vk::PipelineCache, b: u32, c: In, e: In, f: Out) -> Vr [note_cache(a)];
-    vkCreateGraphicsPipelines(d: vk::Device, a: vk::PipelineCache, b: u32, c: In, e: In, f: Out) -> Vr [note_cache(a)];
+    vkCreateComputePipelines(d: vk::Device, a: vk::PipelineCache, b: u32, c: In, e: In, f: Out) -> Vr [{ note_cache(a); note_host(e) }];
+    vkCreateGraphicsPipelines(d: vk::Device, a: vk::PipelineCache, b: u32, c: In, e: In, f: Out) -> Vr [{ note_cache(a); note_host(e) }];
     vkGetPipelineCacheData(d: vk::Device, a: vk::PipelineCache, b: Out, c: Out) -> Vr;
-    vkDestroyBuffer(d: vk::Device, a: vk::Buffer, b: In);
-    vkDestroyImage(d: vk::Device, a: vk::Image, b: In);
-    vkDestroyImageView(d: vk::Device, a: vk::ImageView, b: In);
-    vkDestroyDescriptorPool(d: vk::Device, a: vk::DescriptorPool, b: In);
-    vkDestroyQueryPool(d: vk::Device, a: vk::QueryPool, b: In);
+    vkDestroyBuffer(d: vk::Device, a: vk::Buffer, b: In) [note_host(b)];
+    vkDestroyImage(d: vk::Device, a: vk::Image, b: In) [note_host(b)];
+    vkDestroyImageView(d: vk::Device, a: vk::ImageView, b: In) [note_host(b)];
+    vkDestroyDescriptorPool(d: vk::Device, a: vk::DescriptorPool, b: In) [note_host(b)];
+    vkDestroyQueryPool(d: vk::Device, a: vk::QueryPool, b: In) [note_host(b)];
     vkAllocateDescriptorSets(d: vk::Device, a: In, b: Out) -> Vr;
     vkFreeDescriptorSets(d: vk::Device, a: vk::DescriptorPool, b: u32, c: In) -> Vr;
     vkResetDescriptorPool(d: vk::Device, a: vk::DescriptorPool, b: u32) -> Vr;

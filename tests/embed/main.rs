@@ -14,6 +14,7 @@ mod calls;
 mod common;
 mod contract;
 mod engine;
+mod host;
 mod lifetimes;
 mod triangles;
 
