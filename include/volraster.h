@@ -258,6 +258,24 @@ typedef enum vr_depth_kind {
 } vr_depth_kind;
 
 /**
+ * Access of the host to memory.
+ */
+typedef enum vr_memory_access {
+    /**
+     * None: the device alone uses it.
+     */
+    VR_MEMORY_DEVICE = 1,
+    /**
+     * The host writes it in sequence, and the device reads it: mapped and coherent.
+     */
+    VR_MEMORY_UPLOAD = 2,
+    /**
+     * The device writes it, and the host reads it: mapped and coherent, cached where there is a choice.
+     */
+    VR_MEMORY_DOWNLOAD = 3,
+} vr_memory_access;
+
+/**
  * A Vulkan device with the library's objects. It lives until this handle and all handles made from it are destroyed.
  */
 typedef struct vr_gpu vr_gpu;
@@ -400,6 +418,90 @@ typedef void (*vr_queue_callback)(VkQueue queue, void *user);
 typedef void (*vr_callback)(void *user);
 
 /**
+ * A request for memory of one buffer or image.
+ */
+typedef struct vr_memory_request {
+    /**
+     * sizeof(vr_memory_request) of the library: later versions may have more fields.
+     */
+    size_t struct_size;
+    /**
+     * Name of the resource, valid during the call.
+     */
+    const char *name;
+    /**
+     * Bytes.
+     */
+    uint64_t size;
+    /**
+     * Alignment of the offset.
+     */
+    uint64_t alignment;
+    /**
+     * VkMemoryRequirements::memoryTypeBits.
+     */
+    uint32_t memory_type_bits;
+    /**
+     * A vr_memory_access.
+     */
+    uint32_t access;
+    /**
+     * Whether the resource is a buffer; else it is an image with optimal tiling, which bufferImageGranularity keeps apart.
+     */
+    VkBool32 is_buffer;
+    /**
+     * Whether shaders find the buffer by its address: the memory needs VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT.
+     */
+    VkBool32 addressed;
+} vr_memory_request;
+
+/**
+ * A part of device memory, for one resource.
+ */
+typedef struct vr_memory_part {
+    /**
+     * The memory object.
+     */
+    VkDeviceMemory memory;
+    /**
+     * Where the part begins, in bytes.
+     */
+    uint64_t offset;
+    /**
+     * Where the host sees the beginning of the part; required unless the access is VR_MEMORY_DEVICE.
+     */
+    void *mapped;
+    /**
+     * A number of the caller's own.
+     */
+    uint64_t tag;
+} vr_memory_part;
+
+/**
+ * Writes to `part`, which is zeros, memory of the requested size, alignment and type, which is no other resource's and stays valid and
+ * mapped until it is freed. Returns VK_SUCCESS, or the result that the library's caller gets in an error.
+ */
+typedef VkResult (*vr_allocate_callback)(const struct vr_memory_request *request,
+                                         struct vr_memory_part *part,
+                                         void *user);
+
+/**
+ * Takes back a part. Its resource is destroyed, and the device does not use it.
+ */
+typedef void (*vr_free_callback)(const struct vr_memory_part *part, void *user);
+
+/**
+ * Builds the pipeline of a number.
+ */
+typedef void (*vr_compile_task)(uint32_t number, void *task);
+
+/**
+ * Calls `build` with `task` and each number below `count` once, on any threads, and returns when all calls have returned. What it leaves
+ * out the waiting thread builds. While that waits it must not prepare another plan.
+ */
+typedef void (*vr_compile_callback)(uint32_t count, vr_compile_task build, void *task, void *user);
+
+/**
  * A device of the caller, and options of its use by the library.
  */
 typedef struct vr_device_info {
@@ -483,9 +585,28 @@ typedef struct vr_device_info {
      */
     vr_callback released;
     /**
-     * Passed to lock_queue, unlock_queue and released.
+     * Passed to lock_queue, unlock_queue, released, allocate_memory, free_memory and compile.
      */
     void *user;
+    /**
+     * Gives the memory of all buffers and images, in place of the library's allocator, which then allocates nothing. Any thread that
+     * prepares, uploads or destroys calls it. Set free_memory too, or neither.
+     */
+    vr_allocate_callback allocate_memory;
+    /**
+     * See allocate_memory.
+     */
+    vr_free_callback free_memory;
+    /**
+     * Callbacks for host memory that every object which the library makes on the device is created and destroyed with, or NULL. They are
+     * copied; any thread may call them, until `released` is called. The library's allocator of device memory has none: with them go
+     * allocate_memory and free_memory.
+     */
+    const VkAllocationCallbacks *allocation_callbacks;
+    /**
+     * Runs the compilation of pipelines on threads of the caller's. NULL: as many of the library's own as the processor runs.
+     */
+    vr_compile_callback compile;
 } vr_device_info;
 
 /**
@@ -1658,4 +1779,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 9d737c5a6e877672 */
+/* Checksum of the sources: b4b1fce18b612887 */

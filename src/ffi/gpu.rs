@@ -7,13 +7,17 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::argument::{Caller, Structure, User, check_handle, choice, flag, given};
+use super::host::{CallerMemory, compilation, vr_allocate_callback, vr_compile_callback, vr_free_callback};
 use super::result::{c_text, call, destroy, make, vr_result};
 use super::vulkan::{
-    PFN_vkGetInstanceProcAddr, VkBool32, VkDevice, VkDeviceCreateInfo, VkInstance, VkPhysicalDevice,
-    VkPipelineCache, VkQueue,
+    PFN_vkGetInstanceProcAddr, VkAllocationCallbacks, VkBool32, VkDevice, VkDeviceCreateInfo, VkInstance,
+    VkPhysicalDevice, VkPipelineCache, VkQueue,
 };
 use crate::error::Error;
-use crate::gpu::{Enabled, Gpu, GpuOptions, GpuParts, PipelineCache, QueueLock, Validation};
+use crate::gpu::{
+    AllocationCallbacks, Enabled, Gpu, GpuOptions, GpuParts, MemorySource, PipelineCache, QueueLock,
+    Validation,
+};
 use crate::num;
 
 /// A Vulkan device with the library's objects. It lives until this handle and all handles made from it are destroyed.
@@ -275,8 +279,19 @@ pub struct vr_device_info {
     /// the last handle; also if vr_gpu_adopt() fails. From then on device and instance may be destroyed, also by this
     /// function. May be NULL; then the caller must destroy all handles before the device.
     pub released: vr_callback,
-    /// Passed to lock_queue, unlock_queue and released.
+    /// Passed to lock_queue, unlock_queue, released, allocate_memory, free_memory and compile.
     pub user: *mut c_void,
+    /// Gives the memory of all buffers and images, in place of the library's allocator, which then allocates nothing. Any thread that
+    /// prepares, uploads or destroys calls it. Set free_memory too, or neither.
+    pub allocate_memory: vr_allocate_callback,
+    /// See allocate_memory.
+    pub free_memory: vr_free_callback,
+    /// Callbacks for host memory that every object which the library makes on the device is created and destroyed with, or NULL. They are
+    /// copied; any thread may call them, until `released` is called. The library's allocator of device memory has none: with them go
+    /// allocate_memory and free_memory.
+    pub allocation_callbacks: *const VkAllocationCallbacks,
+    /// Runs the compilation of pipelines on threads of the caller's. NULL: as many of the library's own as the processor runs.
+    pub compile: vr_compile_callback,
 }
 
 // SAFETY: repr(C), numbers, handles and pointers, which may be null, the first its size.
@@ -346,7 +361,20 @@ pub unsafe extern "C" fn vr_gpu_adopt(info: *const vr_device_info, gpu: *mut *mu
                 return Err(Error::invalid("pipeline_cache and pipeline_cache_folder", why));
             }
         };
-        let options = options(pipeline_cache, info.memory_budget);
+        let memory: Option<Arc<dyn MemorySource>> = match (info.allocate_memory, info.free_memory) {
+            (Some(allocate), Some(free)) => Some(Arc::new(CallerMemory { allocate, free, user })),
+            (None, None) => None,
+            _ => return Err(Error::invalid("allocate_memory and free_memory", "one of them is NULL")),
+        };
+        // SAFETY: the caller promises valid callbacks that live as long.
+        let callbacks = unsafe { info.allocation_callbacks.as_ref() };
+        let options = GpuOptions {
+            memory,
+            // SAFETY: the same.
+            allocation_callbacks: callbacks.map(|&callbacks| unsafe { AllocationCallbacks::new(callbacks) }),
+            compilation: info.compile.map(|compile| compilation(compile, user)),
+            ..options(pipeline_cache, info.memory_budget)
+        };
         let entry = match info.get_instance_proc_addr {
             // SAFETY: the caller promises that it is the loader's.
             Some(get) => unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr: get }) },

@@ -13,6 +13,7 @@
 mod argument;
 mod data;
 mod gpu;
+mod host;
 mod info;
 mod plan;
 mod recording;
@@ -24,6 +25,7 @@ mod vulkan;
 
 pub use data::*;
 pub use gpu::*;
+pub use host::*;
 pub use info::*;
 pub use plan::*;
 pub use recording::*;

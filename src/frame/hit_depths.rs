@@ -10,16 +10,17 @@ use crate::frame::depth_measure::DepthMeasure;
 use crate::gpu::shader::{COMPOSITE_VERTEX, CompositeVertex, HIT_DEPTHS_IMAGE_FRAGMENT, HitDepthsImage};
 use crate::gpu::{
     Attachment, Blend, Buffer, BufferUse, DepthProjection, Descriptors, Gpu, GraphicsState, Pipeline,
-    Recorder, TargetImage,
+    Recorder, Step, TargetImage,
 };
 use crate::interface::HitDepthsPush;
 use crate::num::f32_of;
 use crate::scene::View;
 
-/// Makes the buffer of depths.
-pub(crate) fn hit_depths_buffer(gpu: &Gpu, view: &View) -> Result<Arc<Buffer>> {
+/// Makes the buffer of depths, or of a word where nobody asks for them.
+pub(crate) fn hit_depths_buffer(gpu: &Gpu, view: &View, asked: bool) -> Result<Arc<Buffer>> {
     let [width, height] = view.extent().map(u64::from);
-    Buffer::new(gpu, "hit depths", 4 * width * height, BufferUse::ShaderWrite).map(Arc::new)
+    let (name, words) = if asked { ("hit depths", width * height) } else { (Step::STAND_IN, 1) };
+    Buffer::new(gpu, name, 4 * words, BufferUse::ShaderWrite).map(Arc::new)
 }
 
 /// The passes around the technique.

@@ -205,17 +205,17 @@ impl Plan {
         let sampled = lists.is_some() || side > 1;
         let counts = target.counted.then(|| Counts::new(gpu)).transpose()?;
         let sums = counts.as_ref().map(|counts| Arc::clone(&counts.sums));
-        let hit_depths = target.hit_depths.map(|_| hit_depths_buffer(gpu, view)).transpose()?;
+        let hit_depths = hit_depths_buffer(gpu, view, target.hit_depths.is_some())?;
         let canvas =
             Canvas { target: *target, bounds, layers, sampled, redrawn: None, counts: sums, hit_depths };
         let prepared = prepare(&drawn, &canvas)?;
         let measure = prepared.measure();
-        let hit_depths = match (&canvas.hit_depths, target.hit_depths) {
-            (Some(depths), Some((format, _))) => {
+        let hit_depths = match target.hit_depths {
+            Some((format, _)) => {
                 prepared.hit_depths().map_err(|why| Error::invalid("hit depths", why))?;
-                Some(HitDepthFrame::new(gpu, depths, format, measure, view)?)
+                Some(HitDepthFrame::new(gpu, &canvas.hit_depths, format, measure, view)?)
             }
-            _ => None,
+            None => None,
         };
         let surfaces = match (lists, &canvas.bounds, prepared.image()) {
             (Some(lists), Some(bounds), Some(image)) => {

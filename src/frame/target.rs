@@ -115,8 +115,8 @@ pub(crate) struct Canvas {
     pub(crate) redrawn: Option<Redrawn>,
     /// Sums of samples and fetches, where they are counted.
     pub(crate) counts: Option<Arc<Buffer>>,
-    /// The depths at which rays become opaque enough, where anybody asks.
-    pub(crate) hit_depths: Option<Arc<Buffer>>,
+    /// The depths at which rays become opaque enough, where anybody asks; else a word.
+    pub(crate) hit_depths: Arc<Buffer>,
 }
 
 /// Pixels that are drawn once more.
@@ -168,11 +168,11 @@ impl Canvas {
         shader::Counts { counts, counted: self.counts.is_some() }
     }
 
-    /// The depths at which rays become opaque enough, with the same stand-in.
-    pub(crate) fn hit_depths(&self, unread: &Arc<Buffer>) -> shader::HitDepths {
-        let hit_depths = self.hit_depths.as_ref().map_or_else(|| unread.unwritten(), Buffer::write);
-        let at = self.hit_depths.as_ref().and(self.target.hit_depths).map_or(0, |(_, bits)| bits);
-        shader::HitDepths { hit_depths, hit_at: at }
+    /// The depths at which rays become opaque enough. Where nobody asks, a word of the plan's own stands in for them: validation layers, which do
+    /// not see that the shader leaves it alone, would find other plans that write the same.
+    pub(crate) fn hit_depths(&self) -> shader::HitDepths {
+        let at = self.target.hit_depths.map_or(0, |(_, bits)| bits);
+        shader::HitDepths { hit_depths: self.hit_depths.write(), hit_at: at }
     }
 
     /// Refuses a route or order, `what`, that cannot split rays at translucent surfaces.

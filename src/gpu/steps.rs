@@ -200,6 +200,9 @@ pub(crate) struct Step {
 }
 
 impl Step {
+    /// Name of a buffer that is bound where a variant of a shader leaves it alone; steps do not show it.
+    pub(crate) const STAND_IN: &str = "stand-in";
+
     pub(super) fn new(name: &str, work: Work) -> Self {
         Self { name: name.to_string(), uses: work.uses(), work }
     }
@@ -274,6 +277,7 @@ impl fmt::Display for Step {
         for (what, writes) in [("reads", false), ("writes", true)] {
             let uses = self.uses.iter().filter(|(_, usage)| usage.writes() == writes);
             let mut names: Vec<&str> = uses.map(|(used, _)| used.name()).collect();
+            names.retain(|name| *name != Self::STAND_IN);
             names.sort_unstable();
             names.dedup();
             if !names.is_empty() {

@@ -3,6 +3,7 @@
 use std::cell::Cell;
 use std::ffi::c_void;
 use std::ptr::{null, null_mut};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use volraster::ash::vk;
 use volraster::ash::vk::Handle as _;
@@ -209,4 +210,116 @@ fn techniques_are_described() {
     let mut info = sized!(vr_technique_info {});
     refused!(vr_technique_query(99, &mut info), vr_result::VR_ERROR_INVALID, "index: 99");
     refused!(vr_technique_parse(null()), vr_result::VR_ERROR_INVALID, "NULL");
+}
+
+/// What C gives of memory, callbacks and threads is used, and all of it is given back.
+#[test]
+fn memory_and_threads_are_the_caller_s() {
+    #[derive(Default)]
+    struct Given {
+        device: Option<volraster::ash::Device>,
+        types: vk::PhysicalDeviceMemoryProperties,
+        live: AtomicU32,
+        parts: AtomicU32,
+        pipelines: AtomicU32,
+    }
+    fn given<'a>(user: *mut c_void) -> &'a Given {
+        // SAFETY: the test's, which outlives the handles.
+        unsafe { &*user.cast::<Given>() }
+    }
+    unsafe extern "C" fn allocate(
+        request: *const vr_memory_request,
+        part: *mut vr_memory_part,
+        user: *mut c_void,
+    ) -> VkResult {
+        use vk::MemoryPropertyFlags as P;
+        // SAFETY: valid during the call.
+        let (request, given) = (unsafe { &*request }, given(user));
+        // SAFETY: ends with NUL.
+        assert!(!unsafe { std::ffi::CStr::from_ptr(request.name) }.is_empty());
+        assert_eq!(request.struct_size, size_of::<vr_memory_request>());
+        let host = request.access != vr_memory_access::VR_MEMORY_DEVICE as u32;
+        let wanted = if host { P::HOST_VISIBLE | P::HOST_COHERENT } else { P::DEVICE_LOCAL };
+        let kind = (0..given.types.memory_type_count).find(|&i| {
+            request.memory_type_bits & (1 << i) != 0
+                && given.types.memory_types[i as usize].property_flags.contains(wanted)
+        });
+        let info =
+            vk::MemoryAllocateInfo::default().allocation_size(request.size).memory_type_index(kind.unwrap());
+        let device = given.device.as_ref().unwrap();
+        // SAFETY: a type of this device.
+        let memory = unsafe { device.allocate_memory(&info, None) }.unwrap();
+        let mapped = if host {
+            // SAFETY: the host sees it, and it is not mapped.
+            unsafe { device.map_memory(memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty()) }.unwrap()
+        } else {
+            null_mut()
+        };
+        given.live.fetch_add(1, Ordering::Relaxed);
+        given.parts.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the library's.
+        unsafe { *part = vr_memory_part { memory, offset: 0, mapped, tag: 5 } };
+        VkResult::SUCCESS
+    }
+    unsafe extern "C" fn free(part: *const vr_memory_part, user: *mut c_void) {
+        // SAFETY: valid during the call.
+        let (part, given) = (unsafe { *part }, given(user));
+        assert_eq!(part.tag, 5);
+        given.live.fetch_sub(1, Ordering::Relaxed);
+        // SAFETY: allocated above, and nothing uses it.
+        unsafe { given.device.as_ref().unwrap().free_memory(part.memory, None) };
+    }
+    unsafe extern "C" fn compile(count: u32, build: vr_compile_task, task: *mut c_void, user: *mut c_void) {
+        struct Shared(*mut c_void);
+        // SAFETY: the library's task may be called by any thread.
+        unsafe impl Sync for Shared {}
+        given(user).pipelines.fetch_add(count, Ordering::Relaxed);
+        let task = &Shared(task);
+        std::thread::scope(|scope| {
+            for number in 0..count {
+                // SAFETY: as the library asks.
+                scope.spawn(move || unsafe { build.unwrap()(number, { task }.0) });
+            }
+        });
+    }
+    let _turn = turn();
+    let engine = Engine::least();
+    let given = Given {
+        device: Some(engine.device.clone()),
+        // SAFETY: the physical device belongs to the instance.
+        types: unsafe { engine.instance.get_physical_device_memory_properties(engine.physical) },
+        ..Given::default()
+    };
+    let mut gpu = null_mut();
+    with_device(&engine, |mut info| {
+        info.user = (&raw const given).cast_mut().cast();
+        info.allocate_memory = Some(allocate);
+        let mut none = null_mut();
+        refused!(
+            vr_gpu_adopt(&info, &mut none),
+            vr_result::VR_ERROR_INVALID,
+            "free_memory: one of them is NULL"
+        );
+        info.free_memory = Some(free);
+        info.compile = Some(compile);
+        done!(vr_gpu_adopt(&info, &mut gpu));
+    });
+    let grid = Field::Blobs.sample([12; 3], "u8").unwrap();
+    let scene = c_scene(gpu, &grid, &FOG);
+    let view = view(perspective(), 1.0, 40, 30);
+    let (mut used, mut budget) = (0, 0);
+    let got = c_render(scene, None, &view);
+    done!(vr_gpu_memory(gpu, &mut used, &mut budget));
+    assert!(used > 0 && given.live.load(Ordering::Relaxed) > 0);
+    end_scene(scene);
+    end_gpu(gpu);
+    let [live, parts, pipelines] =
+        [&given.live, &given.parts, &given.pipelines].map(|count| count.load(Ordering::Relaxed));
+    assert!(live == 0 && parts > 5 && pipelines > 0, "{live} of {parts} parts, {pipelines} pipelines");
+    let plain = adopt(&engine);
+    let scene = c_scene(plain, &grid, &FOG);
+    assert!(got == c_render(scene, None, &view));
+    end_scene(scene);
+    end_gpu(plain);
+    engine.end_silently();
 }

@@ -123,6 +123,7 @@ fn frames_recorded_together_are_those_recorded_one_by_one() {
     let points = GpuScene::new(&gpu, Scene::new(points, transfer));
     let mut pairs = vec![
         [(&mesh, "havs"), (&mesh, "havs")],
+        [(&grid, "slabs"), (&grid, "slabs")],
         [(&mesh, "havs:k=2,chunk=9"), (&mesh, "abuffer")],
         [(&points, "splat-ewa"), (&points, "splat-ewa")],
         [(&points, "splat-sheets"), (&grid, "raycast:tolerance=1e-3")],

@@ -6,8 +6,8 @@ use std::error::Error;
 use std::path::Path;
 
 /// In the order in which the header has them.
-const SOURCES: [&str; 9] =
-    ["result", "info", "gpu", "data", "scene", "scene_from", "view", "plan", "recording"];
+const SOURCES: [&str; 10] =
+    ["result", "info", "host", "gpu", "data", "scene", "scene_from", "view", "plan", "recording"];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -220,15 +220,15 @@ impl RouteDesc<'_> {
                 by_steps: steps.is_some(),
             },
             counts: self.target.counts(&knots.buffer),
-            hit_depths: self.target.hit_depths(&knots.buffer),
+            hit_depths: self.target.hit_depths(),
         };
         let steps = match technique.tolerance() {
             Some(_) if greatest => {
                 return Err(refused(name, "tolerance", "the greatest scalar has no integral: set step"));
             }
             Some(tolerance) => {
-                let alone = Canvas { layers: None, hit_depths: None, ..self.target.clone() };
-                let (layers, hit_depths) = (alone.layered(&knots.buffer), alone.hit_depths(&knots.buffer));
+                let layers = Canvas { layers: None, ..self.target.clone() }.layered(&knots.buffer);
+                let hit_depths = shader::HitDepths { hit_at: 0, ..self.target.hit_depths() };
                 let bind = |pilots| {
                     let march = MarchInputs { layers, hit_depths, ..inputs(None, false) };
                     self.with_options(technique.pilot(self.inputs(self.first()?)?, march, pilots)?)

@@ -41,7 +41,7 @@ impl Shading {
             segments: scene.segments(segments, false, None)?,
             bounded: target.bounded(&knots.buffer),
             layers: target.layered(&knots.buffer),
-            hit_depths: target.hit_depths(&knots.buffer),
+            hit_depths: target.hit_depths(),
         })
     }
 }

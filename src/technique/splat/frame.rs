@@ -270,7 +270,7 @@ impl SplatFrame {
             ewa: desc.ewa,
             axis: num::count(seen.axis),
             bounded: target.bounded(&knots.buffer),
-            hit_depths: target.hit_depths(&knots.buffer),
+            hit_depths: target.hit_depths(),
             optics: knots.optics(),
         };
         let rounds = desc.rounds(fill.longest()).max(known.rounds);

@@ -123,7 +123,7 @@ impl Draw for Options {
         if target.bounds.is_some() {
             rule.check_depth("surfaces, clip regions and depth images")?;
         }
-        if target.hit_depths.is_some() {
+        if target.target.hit_depths.is_some() {
             rule.check_depth("hit depths")?;
         }
         let usual = match rule {
@@ -334,7 +334,7 @@ impl Inputs<'_> {
                 meet: self.meet(),
                 band: self.band(resume),
                 bounded: self.target.bounded(&self.records),
-                hit_depths: self.target.hit_depths(&self.records),
+                hit_depths: self.target.hit_depths(),
             })
         })
     }
@@ -347,7 +347,7 @@ impl Inputs<'_> {
                 meet: self.meet(),
                 band: self.band(false),
                 bounded: self.target.bounded(&self.records),
-                hit_depths: self.target.hit_depths(&self.records),
+                hit_depths: self.target.hit_depths(),
             })
         })?;
         Ok(Repair { pixels: Arc::clone(&self.pixels), draw })
@@ -384,7 +384,7 @@ impl Inputs<'_> {
             splat_slabs: words.write(),
             slab_count: slabs,
             band: self.band(false),
-            hit_depths: self.target.hit_depths(&self.records),
+            hit_depths: self.target.hit_depths(),
         });
         let share = Arc::new(pass(&GAUSSIANS_OVERLAP_SHARE, &GAUSSIANS_OVERLAP_SHARE_WIDE, "share")?);
         Ok(vec![

@@ -84,7 +84,7 @@ fn frame(scene: &Arc<GpuScene>, view: &View, options: &str) -> ShearFrame {
         sampled: false,
         redrawn: None,
         counts: None,
-        hit_depths: None,
+        hit_depths: crate::frame::hit_depths::hit_depths_buffer(scene.gpu(), view, false).unwrap(),
     };
     ShearFrame::new(scene, view, &canvas, options).unwrap()
 }
