@@ -93,9 +93,10 @@ impl Memory {
     pub(super) fn bytes(&self) -> Option<&[u8]> {
         match &self.part {
             Part::Allocator(allocation) => allocation.mapped_slice(),
-            // SAFETY: the source promises that the part is mapped, this large, and this object's alone.
             Part::Caller(part) => {
-                part.mapped.map(|start| unsafe { slice::from_raw_parts(start.as_ptr(), self.size) })
+                let start = part.mapped?;
+                // SAFETY: the source promises that the part is mapped, this large, and this object's alone.
+                Some(unsafe { slice::from_raw_parts(start.as_ptr(), self.size) })
             }
         }
     }
@@ -104,9 +105,10 @@ impl Memory {
     pub(super) fn bytes_mut(&mut self) -> Option<&mut [u8]> {
         match &mut self.part {
             Part::Allocator(allocation) => allocation.mapped_slice_mut(),
-            // SAFETY: as above.
             Part::Caller(part) => {
-                part.mapped.map(|start| unsafe { slice::from_raw_parts_mut(start.as_ptr(), self.size) })
+                let start = part.mapped?;
+                // SAFETY: as above.
+                Some(unsafe { slice::from_raw_parts_mut(start.as_ptr(), self.size) })
             }
         }
     }

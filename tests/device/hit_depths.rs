@@ -131,7 +131,7 @@ fn the_ray_has_the_opacity_at_its_depth() {
     for (scene, specs, off) in cases() {
         let on_device = GpuScene::new(&gpu, scene.clone());
         for (i, view) in cut::views().into_iter().enumerate() {
-            let view = if i == 2 { view } else { view.with_clip(clip.clone()) };
+            let view = if i == 2 { view } else { view.with_clip(clip) };
             let first = view.offset(DVec2::new(0.3, 0.2)).unwrap();
             for opacity in [1.0 / 255.0, 0.5] {
                 for spec in &specs {
@@ -203,7 +203,7 @@ fn depths_are_stored_by_any_projection() {
         (DepthProjection::perspective(50.0, 0.5).unwrap(), [50.0, 0.5]),
         (DepthProjection::perspective(0.5, f64::INFINITY).unwrap(), [0.5, f64::INFINITY]),
     ];
-    assert!(distances.iter().any(|&d| d < 1.0) && distances.iter().any(|&d| d == 1.0));
+    assert!(distances.iter().any(|&d| d < 1.0) && distances.contains(&1.0));
     for (projection, [zero, one]) in kinds {
         for (value, distance) in stored(projection).into_iter().zip(&distances) {
             let depth = 100.0 * f64::from(*distance);

@@ -193,7 +193,7 @@ impl Host {
         if memory.is_null() {
             return;
         }
-        let layout = self.live.lock().unwrap().remove(&memory.addr()).expect("not of these callbacks");
+        let layout = self.live.lock().unwrap().remove(&memory.addr()).unwrap();
         // SAFETY: allocated with this layout.
         unsafe { std::alloc::dealloc(memory.cast(), layout) };
     }
