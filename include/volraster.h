@@ -4,7 +4,7 @@
  * Written by cbindgen from src/ffi. Do not edit: `make header` writes it anew.
  *
  *     vr_gpu_create, vr_gpu_adopt       a device of the library's own, or the caller's
- *     vr_scene_create_*, vr_scene_load  data and transfer function: grids, meshes, points
+ *     vr_scene_create_*, vr_scene_load  data and transfer function: grids, meshes, points, splats
  *     vr_plan_create                    a technique for a view and a target format
  *     vr_plan_record                    a frame in the caller's command buffer and image
  *     vr_plans_record                   several frames side by side: a stereo pair
@@ -274,6 +274,68 @@ typedef enum vr_memory_access {
      */
     VR_MEMORY_DOWNLOAD = 3,
 } vr_memory_access;
+
+/**
+ * Shape of a kernel.
+ */
+typedef enum vr_kernel {
+    /**
+     * A Gaussian that is cut.
+     */
+    VR_KERNEL_GAUSSIAN = 1,
+    /**
+     * The cubic B-spline.
+     */
+    VR_KERNEL_BSPLINE = 2,
+    /**
+     * Grids only: linear along each axis, so that the sum is trilinear interpolation.
+     */
+    VR_KERNEL_TENT = 3,
+    /**
+     * Grids only: Lanczos.
+     */
+    VR_KERNEL_SINC = 4,
+} vr_kernel;
+
+/**
+ * What the kernels' sum is.
+ */
+typedef enum vr_kernel_model {
+    /**
+     * Extinction: each kernel's, by its scalar, adds to that of the others.
+     */
+    VR_KERNEL_DENSITY = 1,
+    /**
+     * A scalar: the mean of the samples', weighted by the kernels.
+     */
+    VR_KERNEL_INTERPOLATE = 2,
+} vr_kernel_model;
+
+/**
+ * The rule that Gaussian splats were trained under. The option `rule` of the technique `gaussians` selects another.
+ */
+typedef enum vr_trained_mode {
+    /**
+     * Nothing is known: that of the first paper.
+     */
+    VR_TRAINED_UNKNOWN = 0,
+    /**
+     * That of the first paper (Kerbl and others 2023).
+     */
+    VR_TRAINED_DEFAULT = 1,
+    /**
+     * The same with opacities that make up for the widening (Mip-Splatting).
+     */
+    VR_TRAINED_ANTIALIASED = 2,
+    /**
+     * Flat splats that a ray intersects (2D Gaussian Splatting).
+     */
+    VR_TRAINED_FLAT = 3,
+    /**
+     * That of KHR_gaussian_splatting.
+     */
+    VR_TRAINED_KHRONOS = 4,
+} vr_trained_mode;
 
 /**
  * A Vulkan device with the library's objects. It lives until this handle and all handles made from it are destroyed.
@@ -756,6 +818,52 @@ typedef struct vr_points_info {
 } vr_points_info;
 
 /**
+ * Trained Gaussian splats. Those with NaN, infinite places or quaternions of length 0 are left out.
+ */
+typedef struct vr_gaussians_info {
+    /**
+     * sizeof(vr_gaussians_info).
+     */
+    size_t struct_size;
+    /**
+     * Number of splats.
+     */
+    size_t splat_count;
+    /**
+     * x, y and z of each centre, in world units.
+     */
+    const float *centres;
+    /**
+     * Quaternion w, x, y, z of each.
+     */
+    const float *rotations;
+    /**
+     * Natural logarithms of the standard deviations along the rotated x, y and z of each; -INFINITY is flat.
+     */
+    const float *log_scales;
+    /**
+     * Opacity of each in its middle, 0 to 1.
+     */
+    const float *opacities;
+    /**
+     * For each splat the coefficients of red, green and blue for each of the (degree + 1)^2 spherical harmonics.
+     */
+    const float *harmonics;
+    /**
+     * Degree of the spherical harmonics, 0 to 4.
+     */
+    uint32_t degree;
+    /**
+     * A vr_trained_mode.
+     */
+    uint32_t trained;
+    /**
+     * Three letters that say what x, y and z point to, such as "rdf": r right, l left, u up, d down, f front, b back. NULL: "rub".
+     */
+    const char *axes;
+} vr_gaussians_info;
+
+/**
  * Properties of a scene, for placing a camera and making a transfer function.
  */
 typedef struct vr_scene_info {
@@ -943,6 +1051,36 @@ typedef struct vr_lighting {
 } vr_lighting;
 
 /**
+ * Kernels that reconstruct a field from the samples of a grid, the points of a mesh, or points. Zeros are the defaults.
+ */
+typedef struct vr_kernels_info {
+    /**
+     * sizeof(vr_kernels_info).
+     */
+    size_t struct_size;
+    /**
+     * A vr_kernel. 0: VR_KERNEL_GAUSSIAN.
+     */
+    uint32_t kernel;
+    /**
+     * A vr_kernel_model. 0: VR_KERNEL_DENSITY for points, else VR_KERNEL_INTERPOLATE.
+     */
+    uint32_t model;
+    /**
+     * Grids and Gaussians: standard deviation, in voxels along each axis. 0: 0.7.
+     */
+    double sigma;
+    /**
+     * Gaussians: distance at which they are cut, in standard deviations. 0: 3.
+     */
+    double cut;
+    /**
+     * VR_KERNEL_INTERPOLATE: smallest sum of weights that is not vacuum. 0: 0.05.
+     */
+    double least;
+} vr_kernels_info;
+
+/**
  * Receives the number of bytes read so far and of all bytes, now and then, on any thread; `all` is 0 if it is unknown.
  */
 typedef void (*vr_progress_callback)(uint64_t done, uint64_t all, void *user);
@@ -1073,6 +1211,10 @@ typedef struct vr_depth_image {
      * First texel of the rectangle, from the left and the top.
      */
     uint32_t corner[2];
+    /**
+     * World units in one of the scene, where a model matrix scales it: depths are in world units, divided by it. 0: 1.
+     */
+    double unit;
 } vr_depth_image;
 
 /**
@@ -1112,6 +1254,10 @@ typedef struct vr_hit_depths {
      * First texel of the rectangle, from the left and the top, for plans with in_part; else 0.
      */
     uint32_t corner[2];
+    /**
+     * World units in one of the scene, where a model matrix scales it: depths are in world units, divided by it. 0: 1.
+     */
+    double unit;
 } vr_hit_depths;
 
 /**
@@ -1419,6 +1565,21 @@ enum vr_result vr_scene_create_points(const struct vr_gpu *gpu,
                                       struct vr_scene **scene);
 
 /**
+ * Makes a scene of trained Gaussian splats in memory, which are copied. They have colours of their own.
+ *
+ * Fails with VR_ERROR_INVALID.
+ *
+ * Threads: any.
+ *
+ * # Safety
+ *
+ * Pointers are NULL or valid, arrays have the given lengths.
+ */
+enum vr_result vr_scene_create_gaussians(const struct vr_gpu *gpu,
+                                         const struct vr_gaussians_info *info,
+                                         struct vr_scene **scene);
+
+/**
  * Destroys a scene's handle; NULL is ignored. Plans and recordings made from it stay valid.
  *
  * Threads: any, while no other function uses this handle.
@@ -1583,6 +1744,22 @@ enum vr_result vr_scene_with_mode(const struct vr_scene *source,
                                   uint32_t mode,
                                   const struct vr_lighting *lighting,
                                   struct vr_scene **scene);
+
+/**
+ * Makes a scene whose field other kernels reconstruct. The scenes share the data on the device; `source` is unchanged. Splatting techniques
+ * draw it; for grids and meshes all others refuse it.
+ *
+ * Fails with VR_ERROR_INVALID, also for trained Gaussian splats, which are kernels of their own.
+ *
+ * Threads: any.
+ *
+ * # Safety
+ *
+ * Pointers are NULL or valid.
+ */
+enum vr_result vr_scene_with_kernels(const struct vr_scene *source,
+                                     const struct vr_kernels_info *info,
+                                     struct vr_scene **scene);
 
 /**
  * Makes a scene from a scene file (.json), a data file of any supported format, or a folder of slices. For a data file the
@@ -1779,4 +1956,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: b4b1fce18b612887 */
+/* Checksum of the sources: 2836490cd97891a4 */

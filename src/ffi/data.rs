@@ -10,8 +10,9 @@ use crate::error::{Error, Result};
 use crate::io::SampleType;
 use crate::num;
 use crate::scene::{
-    Grid, KernelSize, Knot, Lighting, Mode, Points, Rescale, Samples, Shading, Surface, TetScalars, Tets,
-    TransferFunction,
+    Axes, GaussianParts, Gaussians, Grid, Kernel, KernelSize, Kernels, Knot, Lighting, Mode, Model, Points,
+    Rescale, Samples, Shading, StoredAxes, Surface, TetScalars, Tets, TrainedMode, TransferFunction,
+    harmonics,
 };
 
 /// Type of samples.
@@ -253,6 +254,144 @@ pub struct vr_points_info {
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
 unsafe impl Structure for vr_points_info {}
+
+/// Shape of a kernel.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum vr_kernel {
+    /// A Gaussian that is cut.
+    VR_KERNEL_GAUSSIAN = 1,
+    /// The cubic B-spline.
+    VR_KERNEL_BSPLINE = 2,
+    /// Grids only: linear along each axis, so that the sum is trilinear interpolation.
+    VR_KERNEL_TENT = 3,
+    /// Grids only: Lanczos.
+    VR_KERNEL_SINC = 4,
+}
+
+/// What the kernels' sum is.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum vr_kernel_model {
+    /// Extinction: each kernel's, by its scalar, adds to that of the others.
+    VR_KERNEL_DENSITY = 1,
+    /// A scalar: the mean of the samples', weighted by the kernels.
+    VR_KERNEL_INTERPOLATE = 2,
+}
+
+/// Kernels that reconstruct a field from the samples of a grid, the points of a mesh, or points. Zeros are the defaults.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct vr_kernels_info {
+    /// sizeof(vr_kernels_info).
+    pub struct_size: usize,
+    /// A vr_kernel. 0: VR_KERNEL_GAUSSIAN.
+    pub kernel: u32,
+    /// A vr_kernel_model. 0: VR_KERNEL_DENSITY for points, else VR_KERNEL_INTERPOLATE.
+    pub model: u32,
+    /// Grids and Gaussians: standard deviation, in voxels along each axis. 0: 0.7.
+    pub sigma: f64,
+    /// Gaussians: distance at which they are cut, in standard deviations. 0: 3.
+    pub cut: f64,
+    /// VR_KERNEL_INTERPOLATE: smallest sum of weights that is not vacuum. 0: 0.05.
+    pub least: f64,
+}
+
+// SAFETY: repr(C), numbers, the first its size.
+unsafe impl Structure for vr_kernels_info {}
+
+/// Reads kernels for data of a kind.
+pub(super) fn kernels(info: &vr_kernels_info, of_points: bool) -> Result<Kernels> {
+    let usual = if of_points { Kernels::of_points() } else { Kernels::of_samples() };
+    let (kernels, models) = (Kernel::ALL.map(|(_, kernel)| kernel), Model::ALL.map(|(_, model)| model));
+    let or = |given: f64, usual: f64| if given == 0.0 { usual } else { given };
+    Ok(Kernels {
+        kernel: if info.kernel == 0 { usual.kernel } else { choice(info.kernel, 1, &kernels, "kernel")? },
+        model: if info.model == 0 { usual.model } else { choice(info.model, 1, &models, "model")? },
+        sigma: or(info.sigma, usual.sigma),
+        cut: or(info.cut, usual.cut),
+        least: or(info.least, usual.least),
+    })
+}
+
+/// The rule that Gaussian splats were trained under. The option `rule` of the technique `gaussians` selects another.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum vr_trained_mode {
+    /// Nothing is known: that of the first paper.
+    VR_TRAINED_UNKNOWN = 0,
+    /// That of the first paper (Kerbl and others 2023).
+    VR_TRAINED_DEFAULT = 1,
+    /// The same with opacities that make up for the widening (Mip-Splatting).
+    VR_TRAINED_ANTIALIASED = 2,
+    /// Flat splats that a ray intersects (2D Gaussian Splatting).
+    VR_TRAINED_FLAT = 3,
+    /// That of KHR_gaussian_splatting.
+    VR_TRAINED_KHRONOS = 4,
+}
+
+/// Trained Gaussian splats. Those with NaN, infinite places or quaternions of length 0 are left out.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct vr_gaussians_info {
+    /// sizeof(vr_gaussians_info).
+    pub struct_size: usize,
+    /// Number of splats.
+    pub splat_count: usize,
+    /// x, y and z of each centre, in world units.
+    pub centres: *const f32,
+    /// Quaternion w, x, y, z of each.
+    pub rotations: *const f32,
+    /// Natural logarithms of the standard deviations along the rotated x, y and z of each; -INFINITY is flat.
+    pub log_scales: *const f32,
+    /// Opacity of each in its middle, 0 to 1.
+    pub opacities: *const f32,
+    /// For each splat the coefficients of red, green and blue for each of the (degree + 1)^2 spherical harmonics.
+    pub harmonics: *const f32,
+    /// Degree of the spherical harmonics, 0 to 4.
+    pub degree: u32,
+    /// A vr_trained_mode.
+    pub trained: u32,
+    /// Three letters that say what x, y and z point to, such as "rdf": r right, l left, u up, d down, f front, b back. NULL: "rub".
+    pub axes: *const std::ffi::c_char,
+}
+
+// SAFETY: repr(C), numbers and pointers, the first its size.
+unsafe impl Structure for vr_gaussians_info {}
+
+pub(super) fn gaussians(caller: &Caller, info: &vr_gaussians_info) -> Result<Gaussians> {
+    use TrainedMode::{Antialiased, Default, Flat, Khronos, Unknown};
+    let count = info.splat_count;
+    if info.degree > harmonics::MAX_DEGREE {
+        return Err(Error::invalid(
+            "degree",
+            format!("{}: must be 0 to {}", info.degree, harmonics::MAX_DEGREE),
+        ));
+    }
+    let numbers = count.saturating_mul(3 * harmonics::count(info.degree));
+    let axes = match caller.text(info.axes, "axes")? {
+        Some(name) => {
+            let StoredAxes { axes, mirrored } = Axes::named(name)?;
+            if mirrored {
+                let why = format!("\"{name}\": left-handed, which splats of structures cannot be");
+                return Err(Error::invalid("axes", why));
+            }
+            axes
+        }
+        None => Axes::Rub,
+    };
+    let parts = GaussianParts {
+        centres: list(caller, info.centres.cast::<[f32; 3]>(), count, "centres")?,
+        rotations: list(caller, info.rotations.cast::<[f32; 4]>(), count, "rotations")?,
+        log_scales: list(caller, info.log_scales.cast::<[f32; 3]>(), count, "log_scales")?,
+        opacities: list(caller, info.opacities, count, "opacities")?,
+        degree: info.degree,
+        harmonics: list(caller, info.harmonics, numbers, "harmonics")?,
+        axes,
+        mode: choice(info.trained, 0, &[Unknown, Default, Antialiased, Flat, Khronos], "trained")?,
+    };
+    Ok(Gaussians::new(parts)?.0)
+}
 
 /// A knot of a transfer function, which maps a scalar to emitted colour and extinction. It is linear between knots and constant
 /// beyond the ends. Two knots of one scalar make a jump, at which the later one applies.

@@ -55,19 +55,27 @@ pub struct vr_depth_image {
     pub matrix: [f64; 16],
     /// First texel of the rectangle, from the left and the top.
     pub corner: [u32; 2],
+    /// World units in one of the scene, where a model matrix scales it: depths are in world units, divided by it. 0: 1.
+    pub unit: f64,
 }
 
 // SAFETY: repr(C), numbers and handles, the first its size.
 unsafe impl Structure for vr_depth_image {}
 
 /// Makes a projection of a vr_depth_kind.
-fn projection(kind: u32, [at_zero, at_one]: [f64; 2], matrix: &[f64; 16]) -> Result<DepthProjection> {
+fn projection(
+    kind: u32,
+    [at_zero, at_one]: [f64; 2],
+    matrix: &[f64; 16],
+    unit: f64,
+) -> Result<DepthProjection> {
     let kinds: [&dyn Fn() -> Result<DepthProjection>; 3] = [
         &|| DepthProjection::perspective(at_zero, at_one),
         &|| DepthProjection::orthographic(at_zero, at_one),
         &|| DepthProjection::from_matrix(&DMat4::from_cols_array(matrix)),
     ];
-    choice(kind, 1, &kinds, "depth kind")?()
+    let projection = choice(kind, 1, &kinds, "depth kind")?()?;
+    if unit == 0.0 { Ok(projection) } else { projection.in_unit(unit) }
 }
 
 /// An image of the caller that gets the depth at which each pixel's ray reaches vr_plan_info::hit_opacity, as a depth image of the projection
@@ -91,6 +99,8 @@ pub struct vr_hit_depths {
     pub matrix: [f64; 16],
     /// First texel of the rectangle, from the left and the top, for plans with in_part; else 0.
     pub corner: [u32; 2],
+    /// World units in one of the scene, where a model matrix scales it: depths are in world units, divided by it. 0: 1.
+    pub unit: f64,
 }
 
 // SAFETY: repr(C), numbers and handles, the first its size.
@@ -108,7 +118,7 @@ impl vr_depth_image {
                 format!("{:?}: is for plans with in_part", self.corner),
             ));
         }
-        let projection = projection(self.kind, [self.at_zero, self.at_one], &self.matrix)?;
+        let projection = projection(self.kind, [self.at_zero, self.at_one], &self.matrix, self.unit)?;
         let extent = [self.extent.width, self.extent.height];
         // SAFETY: the caller's promise.
         let image = unsafe { DepthImage::from_raw(gpu, self.view, self.format, extent, projection) };
@@ -215,7 +225,7 @@ impl vr_record_info {
                 let hits = caller.structure(self.hit_depths, "vr_hit_depths")?;
                 check_handle(hits.image, "image of hit depths")?;
                 check_handle(hits.view, "view of hit depths")?;
-                let projection = projection(hits.kind, [hits.at_zero, hits.at_one], &hits.matrix)?;
+                let projection = projection(hits.kind, [hits.at_zero, hits.at_one], &hits.matrix, hits.unit)?;
                 let format = plan.hit_depth_format();
                 // SAFETY: the caller's promise.
                 let image =

@@ -4,7 +4,7 @@ use std::ffi::{CString, c_char};
 use std::sync::Arc;
 
 use super::argument::{Caller, Structure, check_pointer};
-use super::data::{self, vr_grid_info, vr_knot, vr_mesh_info, vr_points_info};
+use super::data::{self, vr_gaussians_info, vr_grid_info, vr_knot, vr_mesh_info, vr_points_info};
 use super::gpu::vr_gpu;
 use super::result::{c_text, call, destroy, make, vr_result};
 use super::view::vr_view;
@@ -198,6 +198,27 @@ pub unsafe extern "C" fn vr_scene_create_points(
     // SAFETY: the caller's promise.
     let caller = unsafe { Caller::trusted() };
     create(caller, gpu, (info, "vr_points_info"), (knots, knot_count), scene, data::points)
+}
+
+/// Makes a scene of trained Gaussian splats in memory, which are copied. They have colours of their own.
+///
+/// Fails with VR_ERROR_INVALID.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// Pointers are NULL or valid, arrays have the given lengths.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_create_gaussians(
+    gpu: *const vr_gpu,
+    info: *const vr_gaussians_info,
+    scene: *mut *mut vr_scene,
+) -> vr_result {
+    // SAFETY: the caller's promise.
+    let caller = unsafe { Caller::trusted() };
+    let no_knots = (std::ptr::null(), 0);
+    create(caller, gpu, (info, "vr_gaussians_info"), no_knots, scene, data::gaussians)
 }
 
 /// Destroys a scene's handle; NULL is ignored. Plans and recordings made from it stay valid.

@@ -3,7 +3,7 @@
 use std::ffi::{c_char, c_void};
 
 use super::argument::{Caller, Structure, User, given};
-use super::data::{self, vr_knot, vr_lighting, vr_surface_info};
+use super::data::{self, vr_kernels_info, vr_knot, vr_lighting, vr_surface_info};
 use super::gpu::vr_gpu;
 use super::result::{c_text, make, vr_result};
 use super::scene::{SceneView, default_technique, vr_scene};
@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::io::scene_file::LoadedScene;
 use crate::io::{Progress, ReadOptions};
 use crate::resident::GpuScene;
-use crate::scene::Surface;
+use crate::scene::{Data, Surface};
 use crate::technique::{Method, Technique};
 
 /// Makes a scene of the same data with another transfer function. The scenes share the data on the device; `source` is
@@ -158,6 +158,32 @@ pub unsafe extern "C" fn vr_scene_with_mode(
         let source = caller.reference(source, "source")?;
         let mode = data::mode(caller, mode, lighting)?;
         Ok(source.with_other_default(source.scene.with_mode(mode)?))
+    })
+}
+
+/// Makes a scene whose field other kernels reconstruct. The scenes share the data on the device; `source` is unchanged. Splatting techniques
+/// draw it; for grids and meshes all others refuse it.
+///
+/// Fails with VR_ERROR_INVALID, also for trained Gaussian splats, which are kernels of their own.
+///
+/// Threads: any.
+///
+/// # Safety
+///
+/// Pointers are NULL or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_scene_with_kernels(
+    source: *const vr_scene,
+    info: *const vr_kernels_info,
+    scene: *mut *mut vr_scene,
+) -> vr_result {
+    // SAFETY: the caller's promise.
+    make(unsafe { Caller::trusted() }, (scene, "scene"), |caller| {
+        let source = caller.reference(source, "source")?;
+        let info = caller.structure(info, "vr_kernels_info")?;
+        let of_points = matches!(source.scene.scene().data, Data::Points(_));
+        let kernels = data::kernels(&info, of_points)?;
+        Ok(source.with_other_default(source.scene.with_kernels(kernels)?))
     })
 }
 

@@ -215,7 +215,7 @@ impl Step {
     /// Returns the bytes of the resources that the step reads, and of those that it writes or may write.
     pub(crate) fn bytes(&self) -> [u64; 2] {
         let mut resources = BTreeMap::new();
-        for (used, usage) in &self.uses {
+        for (used, usage) in self.uses.iter().filter(|(used, _)| used.name() != Self::STAND_IN) {
             resources.entry(used.key()).or_insert([used.bytes(), 0])[1] |= u64::from(usage.writes());
         }
         let sum = |writes| resources.values().filter(|of| of[1] == writes).map(|of| of[0]).sum();

@@ -192,6 +192,17 @@ impl GpuScene {
         Ok(Arc::new(Self { surfaces: self.surfaces.clone(), ..self.sharing(scene) }))
     }
 
+    /// Returns the same scene with its field reconstructed by other kernels. All data on the device is shared but the kernels; plans must be
+    /// prepared for the new scene.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::with_kernels`].
+    pub fn with_kernels(&self, kernels: Kernels) -> Result<Arc<Self>> {
+        let scene = self.scene.clone().with_kernels(kernels)?;
+        Ok(Arc::new(Self { surfaces: self.surfaces.clone(), ..self.sharing(scene) }))
+    }
+
     /// Returns a scene of the same data and transfer function, which shares what is on the device but surfaces.
     fn sharing(&self, scene: Scene) -> Self {
         Self {

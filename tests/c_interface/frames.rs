@@ -9,13 +9,14 @@ use volraster::ash::vk;
 use volraster::ffi::*;
 use volraster::gpu::DepthProjection;
 use volraster::scene::{
-    Clip, Field, Lighting, Mode, Samples, Scene, Shading, Surface, TetScalars, TransferFunction,
+    Clip, Field, Kernel, Kernels, Lighting, Mode, Samples, Scene, Shading, SplatRule, Surface, TetScalars,
+    TransferFunction,
 };
 use volraster::technique::Renderer;
 use volraster::{GpuScene, RecordInfo, TargetDesc, TargetMode};
 
 use crate::common::caller::{Caller, Depth};
-use crate::common::{FOG, SHELLS, draw, perspective, technique, view};
+use crate::common::{FOG, SHELLS, draw, draw_on, perspective, technique, view};
 use crate::engine::Engine;
 use crate::programs::scratch;
 use crate::support::*;
@@ -150,7 +151,9 @@ fn hit_depths_are_those_of_rust() {
         view: depths.view,
         kind: vr_depth_kind::VR_DEPTH_PERSPECTIVE as u32,
         at_zero: f64::INFINITY,
-        at_one: 0.5,
+        // Of a world that is twice as large as the scene.
+        at_one: 1.0,
+        unit: 2.0,
     });
     let begin = || {
         frame.begin([0.0, 0.0, 0.0, 1.0]);
@@ -260,6 +263,90 @@ fn frames_recorded_together_are_single_ones() {
     end_scene(scene);
     end_gpu(gpu);
     drop((frame, own));
+    engine.end_silently();
+}
+
+/// Kernels of a grid and of points, and trained splats, draw what Rust's do, and are refused by name.
+#[test]
+fn kernels_and_trained_splats_are_those_of_rust() {
+    let _turn = turn();
+    let engine = Engine::full();
+    let (gpu, own) = (adopt(&engine), engine.gpu());
+    let view = view(perspective(), 1.0, 40, 30);
+    let fog = || TransferFunction::from_rows(&FOG).unwrap();
+    let mut none = null_mut();
+
+    let grid = Field::Blobs.sample([12; 3], "u8").unwrap();
+    let scene = c_scene(gpu, &grid, &FOG);
+    for (info, kernels) in [
+        (sized!(vr_kernels_info {}), Kernels::of_samples()),
+        (
+            sized!(vr_kernels_info {
+                kernel: vr_kernel::VR_KERNEL_BSPLINE as u32,
+                model: vr_kernel_model::VR_KERNEL_DENSITY as u32,
+            }),
+            Kernels { kernel: Kernel::BSpline, ..Kernels::of_points() },
+        ),
+        (
+            sized!(vr_kernels_info { sigma: 0.9, cut: 2.5, least: 0.2 }),
+            Kernels { sigma: 0.9, cut: 2.5, least: 0.2, ..Kernels::of_samples() },
+        ),
+    ] {
+        let mut other = null_mut();
+        done!(vr_scene_with_kernels(scene, &info, &mut other));
+        let rust = Scene::new(grid.clone(), fog()).with_kernels(kernels).unwrap();
+        let want = draw_on(&GpuScene::new(&own, rust), &view, "splat-sheets");
+        // SAFETY: a scene.
+        assert!(text(unsafe { vr_scene_technique(other) }).starts_with("splat-"));
+        assert!(c_render(other, Some(c"splat-sheets"), &view) == want.pixels(), "{kernels:?}");
+        end_scene(other);
+    }
+    for (info, words) in [
+        (sized!(vr_kernels_info { kernel: 5 }), "kernel: 5"),
+        (sized!(vr_kernels_info { model: 3 }), "model: 3"),
+        (sized!(vr_kernels_info { sigma: -1.0 }), "sigma"),
+    ] {
+        refused!(vr_scene_with_kernels(scene, &info, &mut none), vr_result::VR_ERROR_INVALID, words);
+    }
+    end_scene(scene);
+
+    let splats = Field::Blobs.splats(200).unwrap();
+    let flat = |list: &[[f32; 3]]| list.as_flattened().as_ptr();
+    let info = sized!(vr_gaussians_info {
+        splat_count: splats.len(),
+        centres: flat(splats.centres()),
+        rotations: splats.rotations().as_flattened().as_ptr(),
+        log_scales: flat(splats.log_scales()),
+        opacities: splats.opacities().as_ptr(),
+        harmonics: splats.harmonics().as_ptr(),
+        degree: splats.degree(),
+        trained: vr_trained_mode::VR_TRAINED_KHRONOS as u32,
+    });
+    let mut scene = null_mut();
+    done!(vr_scene_create_gaussians(gpu, &info, &mut scene));
+    let rust = GpuScene::new(&own, Scene::new(splats.clone(), fog()).with_rule(SplatRule::Khr));
+    assert!(c_render(scene, None, &view) == draw_on(&rust, &view, "gaussians").pixels());
+    let by_ray = c_render(scene, Some(c"gaussians:rule=ray"), &view);
+    assert!(by_ray == draw_on(&rust, &view, "gaussians:rule=ray").pixels());
+    let kernels = sized!(vr_kernels_info {});
+    refused!(
+        vr_scene_with_kernels(scene, &kernels, &mut none),
+        vr_result::VR_ERROR_INVALID,
+        "kernels of their own"
+    );
+    for (info, words) in [
+        (vr_gaussians_info { degree: 5, ..info }, "degree: 5"),
+        (vr_gaussians_info { trained: 5, ..info }, "trained: 5"),
+        (vr_gaussians_info { harmonics: null(), ..info }, "harmonics"),
+        (vr_gaussians_info { splat_count: 0, ..info }, "at least one"),
+        (vr_gaussians_info { axes: c"rbu".as_ptr(), ..info }, "left-handed"),
+        (vr_gaussians_info { axes: c"xyz".as_ptr(), ..info }, "three letters"),
+    ] {
+        refused!(vr_scene_create_gaussians(gpu, &info, &mut none), vr_result::VR_ERROR_INVALID, words);
+    }
+    end_scene(scene);
+    end_gpu(gpu);
+    drop((rust, own));
     engine.end_silently();
 }
 
