@@ -1153,14 +1153,18 @@ typedef struct vr_plan_info {
      */
     VkBool32 in_part;
     /**
+     * Format of the images of hit depths: a colour format with red, such as VK_FORMAT_R32_SFLOAT.
+     */
+    VkFormat hit_format;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+    /**
      * Opacity whose depth on each ray an image of each recording gets, above 0 and below 1; 0: no such image. 1/255 is where the volume
      * begins to show, 1/2 its apparent surface.
      */
     double hit_opacity;
-    /**
-     * Format of these images: a colour format with red, such as VK_FORMAT_R32_SFLOAT.
-     */
-    VkFormat hit_format;
 } vr_plan_info;
 
 /**
@@ -1891,7 +1895,7 @@ enum vr_result vr_plan_record(struct vr_plan *plan,
  * Records the frames of `count` plans of one device into one command buffer: the eyes of a stereo pair, the faces of a cube. Their
  * passes lie side by side and wait for each other only where plans share a target, so that a device that one frame does not fill draws
  * them in less than the sum of their times. Images are those of vr_plan_record(). Writes a recording for each plan, each to be
- * completed; the status of the one with the most passes has the times of all.
+ * completed; the status of the one with the most passes has the times, each with those of the passes beside it.
  *
  * Fails as vr_plan_record(), and with VR_ERROR_INVALID if a plan is given twice or `commands` differs. Nothing is recorded then, and
  * `recordings` are NULL.
@@ -1956,4 +1960,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 2836490cd97891a4 */
+/* Checksum of the sources: 09f82159f0315e53 */

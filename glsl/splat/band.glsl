@@ -70,6 +70,11 @@ uint number_of(uvec2 pixel) {
     return pixel.y * sides_of(push.sides).x + pixel.x;
 }
 
+// Notes what is blended between two depths, of which the line of a pixel is drawn between `drawn`.
+void note_drawn(uvec2 pixel, vec2 drawn, float before, float after, float begin, float end) {
+    note_hit(number_of(pixel), before, after, clamp(begin, drawn.x, drawn.y), clamp(end, drawn.x, drawn.y));
+}
+
 bool in_image(uvec2 pixel) {
     return all(lessThan(pixel, sides_of(push.sides)));
 }

@@ -51,13 +51,13 @@ Piece waiting[ROWS * WAITING];
         EACH_WAITING(EMPTY, r) \
     }
 // Puts a piece among those that wait, and blends the nearest of them all. `last` becomes BEHIND_ALL once one comes too late.
-#define BLEND_NEAREST(r, pixel, added, sum, transmittance, last) { \
+#define BLEND_NEAREST(r, pixel, drawn, added, sum, transmittance, last) { \
         Piece piece = added; \
         float before = transmittance; \
         EACH_WAITING(SWAP, r) \
         last = piece.at < last ? BEHIND_ALL : piece.at; \
         blend_behind(sum, transmittance, piece.colour, piece.opacity); \
-        note_hit(number_of(pixel), before, transmittance, piece.at, piece.at); \
+        note_drawn(pixel, drawn, before, transmittance, piece.at, piece.at); \
     }
 #else
 // Begins the line of a pixel that is drawn again.
@@ -144,7 +144,7 @@ void repair(uint number) {
             float before = transmittance;
             blend_on_line(bins[swept[j]], sum, transmittance);
             last_at = swept_at[j];
-            note_hit(number_of(pixel), before, transmittance, last_at, last_at);
+            note_drawn(pixel, drawn_depths(pixel), before, transmittance, last_at, last_at);
             last = swept[j] + 1u;
         }
         begin = min(first_left, i);

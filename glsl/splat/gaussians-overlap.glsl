@@ -194,17 +194,20 @@ void main() {
 void main() {
     uint in_band = WORKGROUP_NUMBER, place = in_band * TILE_PIXELS + LANE;
     if (in_band >= push.tiles) return;
+    uvec2 pixel = first_pixel(in_band, LANE);
     float transmittance = 1.0, opacity = 0.0;
     uint count = COUNT;
     for (uint k = 0u; k < count; ++k) {
         float depth = number(place, SHARES + k), taken = transmittance * (depth < 1e-3 ? depth * (1.0 - 0.5 * depth) : 1.0 - exp(-depth));
         put(place, SHARES + k, depth > 0.0 ? taken / depth : transmittance);
-        // A depth between slabs is placed nowhere but where something is.
-        if (taken > 0.0) note_hit(number_of(first_pixel(in_band, LANE)), transmittance, transmittance - taken, number(place, k), number(place, k + 1u));
+        // Lines of pixels outside of the image are there, too, and slabs that hold nothing have no place.
+        if (in_image(pixel) && taken > 0.0) {
+            note_hit(number_of(pixel), transmittance, transmittance - taken, number(place, k), number(place, k + 1u));
+        }
         transmittance -= taken;
         opacity += taken;
     }
-    store_pixel(first_pixel(in_band, LANE), vec4(0.0, 0.0, 0.0, opacity));
+    store_pixel(pixel, vec4(0.0, 0.0, 0.0, opacity));
 }
 #else
 // The first step of a search among slabs.

@@ -70,7 +70,7 @@ void main() {
         } \
     }
     EACH_ROW(BEGIN)
-#define BLEND_LAST(r) BLEND_NEAREST(r, origin + uvec2(0, r), Piece(BEHIND_ALL, 0.0, vec3(0.0)), sum[r], transmittance[r], last[r])
+#define BLEND_LAST(r) BLEND_NEAREST(r, origin + uvec2(0, r), drawn[r], Piece(BEHIND_ALL, 0.0, vec3(0.0)), sum[r], transmittance[r], last[r])
     float live = 1.0;
 #define IS_LIVE ANY(BY_PIXEL ? ended != (1u << ROWS) - 1u : live > opaque)
     for (; i < stop && IS_LIVE; ++i) {
@@ -89,7 +89,7 @@ void main() {
             if (BY_PIXEL) { \
                 if (met.there) { \
                     Piece own = Piece(met.depth, exp2(record.limits.y - met.bits), record.colour.rgb); \
-                    BLEND_NEAREST(r, origin + uvec2(0, r), own, sum[r], transmittance[r], last[r]) \
+                    BLEND_NEAREST(r, origin + uvec2(0, r), drawn[r], own, sum[r], transmittance[r], last[r]) \
                     bool over = transmittance[r] <= opaque && followed_from(record.limits.z) > last[r]; \
                     ended |= uint(over || last[r] == BEHIND_ALL) << r; \
                 } \
@@ -99,7 +99,7 @@ void main() {
                 float share = transmittance[r] * opacity, left = transmittance[r] - share; \
                 bool ends = THRESHOLDS && left < LEAST_LEFT && met.there; \
                 sum[r] = fma(vec4(ends ? 0.0 : share), vec4(record.colour.rgb, 1.0), sum[r]); \
-                if (!ends) note_hit(number_of(origin + uvec2(0, r)), transmittance[r], left, met.depth, met.depth); \
+                note_hit(number_of(origin + uvec2(0, r)), transmittance[r], left, met.depth, met.depth); \
                 transmittance[r] = ends ? 0.0 : left; \
             } \
             live = max(live, transmittance[r]); \

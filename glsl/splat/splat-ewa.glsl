@@ -108,7 +108,7 @@ void main() {
         } \
     }
     EACH_ROW(BEGIN)
-#define BLEND_LAST(r) BLEND_NEAREST(r, origin + uvec2(0, r), Piece(BEHIND_ALL, 0.0, vec3(0.0)), sum[r], transmittance[r], last[r])
+#define BLEND_LAST(r) BLEND_NEAREST(r, origin + uvec2(0, r), drawn[r], Piece(BEHIND_ALL, 0.0, vec3(0.0)), sum[r], transmittance[r], last[r])
     float live = 1.0;
 #define IS_LIVE ANY(BY_PIXEL ? ended != (1u << ROWS) - 1u : live > opaque)
     for (; i < stop && IS_LIVE; ++i) {
@@ -125,13 +125,13 @@ void main() {
                 float depth = optical_depth(met, form, lines[r], value.a, drawn[r]); \
                 float at = place_of(met, splat.centre); \
                 if (BY_PIXEL) { \
-                    BLEND_NEAREST(r, origin + uvec2(0, r), Piece(at, alpha_of(depth), value.rgb), sum[r], transmittance[r], last[r]) \
+                    BLEND_NEAREST(r, origin + uvec2(0, r), drawn[r], Piece(at, alpha_of(depth), value.rgb), sum[r], transmittance[r], last[r]) \
                     bool over = transmittance[r] <= opaque && followed_from(id, at) > last[r]; \
                     ended |= uint(over || last[r] == BEHIND_ALL) << r; \
                 } else { \
                     float before = transmittance[r]; \
                     add_piece_behind(sum[r], transmittance[r], value.rgb, depth); \
-                    note_hit(number_of(origin + uvec2(0, r)), before, transmittance[r], at, at); \
+                    note_drawn(origin + uvec2(0, r), drawn[r], before, transmittance[r], at, at); \
                 } \
             } \
             live = max(live, transmittance[r]); \

@@ -118,7 +118,7 @@ void take_slab(uvec2 pixel, inout Row row, float z0, float z1, uint knots, float
     float depths = max(clamp(z1, row.range.x, row.range.y) - clamp(z0, row.range.x, row.range.y), 0.0);
     float before = row.transmittance;
     add_behind(row.sum, row.transmittance, sheet(row.slab0, depths, row.line.unit, knots, origin));
-    note_hit(number_of(pixel), before, row.transmittance, z0, z1);
+    note_drawn(pixel, row.range, before, row.transmittance, z0, z1);
     row.slab0 = row.slab1;
     row.slab1 = row.slab2;
     row.slab2 = row.slab3;
@@ -300,7 +300,7 @@ void main() {
             float depths = clamp(z + half_depth, rows[r].range.x, rows[r].range.y) - clamp(z - half_depth, rows[r].range.x, rows[r].range.y); \
             float before = rows[r].transmittance; \
             add_behind(rows[r].sum, rows[r].transmittance, sheet(rows[r].sheet, depths, rows[r].line.unit, knots, origin_scalar)); \
-            note_hit(number_of(origin + uvec2(0, r)), before, rows[r].transmittance, z - half_depth, z + half_depth); \
+            note_drawn(origin + uvec2(0, r), rows[r].range, before, rows[r].transmittance, z - half_depth, z + half_depth); \
             live = max(live, rows[r].transmittance); \
         }
         EACH_ROW(TAKE)

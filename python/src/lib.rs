@@ -2,9 +2,9 @@
 //! reference. `volraster/__init__.py` checks and converts arguments, and documents them.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
-use numpy::ndarray::Array3;
+use numpy::ndarray::{Array3, ArrayView1};
 use numpy::{Element, IntoPyArray, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -45,7 +45,7 @@ fn gpu() -> Result<Gpu, Error> {
 #[pyclass(frozen, module = "volraster._native")]
 struct Scene {
     loaded: LoadedScene,
-    on_device: OnceLock<Arc<GpuScene>>,
+    on_device: Mutex<Option<Arc<GpuScene>>>,
 }
 
 /// A camera as (eye, target, up, fov_y_deg, half_height).
@@ -56,12 +56,20 @@ type Facts = (String, f64, Option<f64>, Vec<(String, u64)>);
 
 impl Scene {
     fn new(loaded: LoadedScene) -> Self {
-        Self { loaded, on_device: OnceLock::new() }
+        Self { loaded, on_device: Mutex::new(None) }
     }
 
-    fn of_data(data: impl Into<Data>, document: &str) -> PyResult<Self> {
-        let loaded = Loaded { data: data.into(), report: Report::default() };
-        SceneFile::with_data(document, loaded, &ReadOptions::default()).map(Self::new).map_err(raised)
+    /// Makes a scene of data that `make` makes of copies of the arrays, while other threads of Python run.
+    fn of_data<D: Into<Data>>(
+        py: Python<'_>,
+        document: &str,
+        make: impl FnOnce() -> Result<D, Error> + Send,
+    ) -> PyResult<Self> {
+        let read = || {
+            let loaded = Loaded { data: make()?.into(), report: Report::default() };
+            SceneFile::with_data(document, loaded, &ReadOptions::default())
+        };
+        py.detach(read).map(Self::new).map_err(raised)
     }
 
     fn view(&self, camera: Option<CameraParts>, [width, height]: [u32; 2]) -> Result<View, Error> {
@@ -81,11 +89,13 @@ impl Scene {
     }
 
     fn on_device(&self) -> Result<Arc<GpuScene>, Error> {
-        if let Some(scene) = self.on_device.get().filter(|scene| !scene.gpu().is_lost()) {
+        let mut made = self.on_device.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(scene) = made.as_ref().filter(|scene| !scene.gpu().is_lost()) {
             return Ok(Arc::clone(scene));
         }
         let scene = GpuScene::new(&gpu()?, self.loaded.scene.clone());
-        Ok(Arc::clone(self.on_device.get_or_init(|| scene)))
+        *made = Some(Arc::clone(&scene));
+        Ok(scene)
     }
 
     fn technique(
@@ -134,20 +144,21 @@ impl Scene {
 impl Scene {
     #[staticmethod]
     fn of_grid(
+        py: Python<'_>,
         samples: &Bound<'_, PyAny>,
         spacing: [f64; 3],
         origin: [f64; 3],
         document: &str,
     ) -> PyResult<Self> {
         let (dims, samples) = samples_of(samples)?;
-        let grid = Grid::new(dims, samples)
-            .and_then(|grid| grid.with_placement(spacing.into(), origin.into(), DMat3::IDENTITY))
-            .map_err(raised)?;
-        Self::of_data(grid, document)
+        Self::of_data(py, document, || {
+            Grid::new(dims, samples)?.with_placement(spacing.into(), origin.into(), DMat3::IDENTITY)
+        })
     }
 
     #[staticmethod]
     fn of_mesh(
+        py: Python<'_>,
         points: PyReadonlyArray2<'_, f64>,
         cells: PyReadonlyArray2<'_, u32>,
         scalars: PyReadonlyArray1<'_, f32>,
@@ -157,12 +168,13 @@ impl Scene {
         let cells = cells.as_array().rows().into_iter().map(|row| [row[0], row[1], row[2], row[3]]).collect();
         let scalars = scalars.as_array().to_vec();
         let scalars = if at_cells { TetScalars::Cell(scalars) } else { TetScalars::Point(scalars) };
-        let (mesh, _) = Tets::new(places(&points), cells, scalars).map_err(raised)?;
-        Self::of_data(mesh, document)
+        let points = places(&points);
+        Self::of_data(py, document, || Ok(Tets::new(points, cells, scalars)?.0))
     }
 
     #[staticmethod]
     fn of_points(
+        py: Python<'_>,
         centres: PyReadonlyArray2<'_, f64>,
         scalars: Option<PyReadonlyArray1<'_, f32>>,
         weights: Option<PyReadonlyArray1<'_, f32>>,
@@ -170,22 +182,29 @@ impl Scene {
         covariances: Option<PyReadonlyArray2<'_, f32>>,
         document: &str,
     ) -> PyResult<Self> {
-        let mut points = Points::new(places(&centres)).map_err(raised)?;
-        if let Some(scalars) = scalars {
-            points = points.with_scalars(scalars.as_array().to_vec()).map_err(raised)?;
-        }
-        if let Some(weights) = weights {
-            points = points.with_weights(weights.as_array().to_vec()).map_err(raised)?;
-        }
-        if let Some(radii) = radii {
-            points = points.with_size(KernelSize::Radii(radii.as_array().to_vec())).map_err(raised)?;
-        }
-        if let Some(rows) = covariances {
-            let rows =
-                rows.as_array().rows().into_iter().map(|row| std::array::from_fn(|i| row[i])).collect();
-            points = points.with_size(KernelSize::Covariances(rows)).map_err(raised)?;
-        }
-        Self::of_data(points, document)
+        let list = |given: Option<PyReadonlyArray1<'_, f32>>| given.map(|list| list.as_array().to_vec());
+        let (centres, scalars, weights) = (places(&centres), list(scalars), list(weights));
+        let of_row = |row: ArrayView1<'_, f32>| std::array::from_fn(|i| row[i]);
+        let size = match (list(radii), covariances) {
+            (Some(radii), _) => Some(KernelSize::Radii(radii)),
+            (None, Some(rows)) => {
+                Some(KernelSize::Covariances(rows.as_array().rows().into_iter().map(of_row).collect()))
+            }
+            (None, None) => None,
+        };
+        Self::of_data(py, document, || {
+            let mut points = Points::new(centres)?;
+            if let Some(scalars) = scalars {
+                points = points.with_scalars(scalars)?;
+            }
+            if let Some(weights) = weights {
+                points = points.with_weights(weights)?;
+            }
+            match size {
+                Some(size) => points.with_size(size),
+                None => Ok(points),
+            }
+        })
     }
 
     /// Reads a scene file, which has a document of its own, or a data file.

@@ -3,7 +3,7 @@
 use std::ffi::{CString, c_char};
 use std::sync::Mutex;
 
-use super::argument::{Caller, Structure, check_pointer, choice, flag};
+use super::argument::{Caller, Structure, check_pointer, choice, flag, reserved};
 use super::result::{c_text, call, caught, destroy, lock, make, vr_result};
 use super::scene::vr_scene;
 use super::view::vr_view;
@@ -49,11 +49,13 @@ pub struct vr_plan_info {
     pub with_depth: VkBool32,
     /// Whether the target is a rectangle of a larger image, placed by vr_record_info::corner.
     pub in_part: VkBool32,
+    /// Format of the images of hit depths: a colour format with red, such as VK_FORMAT_R32_SFLOAT.
+    pub hit_format: VkFormat,
+    /// 0.
+    pub reserved: u32,
     /// Opacity whose depth on each ray an image of each recording gets, above 0 and below 1; 0: no such image. 1/255 is where the volume
     /// begins to show, 1/2 its apparent surface.
     pub hit_opacity: f64,
-    /// Format of these images: a colour format with red, such as VK_FORMAT_R32_SFLOAT.
-    pub hit_format: VkFormat,
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
@@ -80,6 +82,7 @@ pub unsafe extern "C" fn vr_plan_create(
     make(unsafe { Caller::trusted() }, (plan, "plan"), |caller| {
         let scene = caller.reference(scene, "scene")?;
         let info = caller.structure(info, "vr_plan_info")?;
+        reserved(info.reserved)?;
         let view = caller.structure(view, "vr_view")?.view()?;
         let mode = choice(info.mode, 1, &[TargetMode::Clear, TargetMode::Over], "mode")?;
         let target = TargetDesc::caller(info.format, mode);

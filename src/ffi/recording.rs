@@ -342,7 +342,7 @@ pub unsafe extern "C" fn vr_plan_record(
 /// Records the frames of `count` plans of one device into one command buffer: the eyes of a stereo pair, the faces of a cube. Their
 /// passes lie side by side and wait for each other only where plans share a target, so that a device that one frame does not fill draws
 /// them in less than the sum of their times. Images are those of vr_plan_record(). Writes a recording for each plan, each to be
-/// completed; the status of the one with the most passes has the times of all.
+/// completed; the status of the one with the most passes has the times, each with those of the passes beside it.
 ///
 /// Fails as vr_plan_record(), and with VR_ERROR_INVALID if a plan is given twice or `commands` differs. Nothing is recorded then, and
 /// `recordings` are NULL.

@@ -112,5 +112,5 @@ pub(crate) fn transmittance_bits(opacity: f64) -> Result<u32> {
     if opacity > 0.0 && transmittance > 0.0 && transmittance < 1.0 {
         return Ok(transmittance.to_bits());
     }
-    Err(Error::invalid("opacity of hit depths", format!("{opacity}: must be above 6e-8 and below 1 - 1e-37")))
+    Err(Error::invalid("opacity of hit depths", format!("{opacity}: must be above 6e-8 and below 1")))
 }

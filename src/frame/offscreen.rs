@@ -54,8 +54,11 @@ impl Offscreen {
     ///
     /// # Errors
     ///
-    /// Those of [`Offscreen::draw`]; [`Error::Invalid`] if the image has no room for them.
+    /// Those of [`Offscreen::draw`]; [`Error::Invalid`] if there are none, or the image has no room for them.
     pub fn draw_beside(&mut self, plans: &mut [&mut Plan], behind: [f32; 4]) -> Result<()> {
+        if plans.is_empty() {
+            return Err(Error::invalid("offscreen", "no plan is given"));
+        }
         let whole = TargetImage::own(&self.gpu, &self.image);
         let mut left = 0_u32;
         let mut targets = Vec::new();

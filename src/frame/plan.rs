@@ -340,7 +340,7 @@ impl Plan {
         self.check(commands, &info)?;
         let steps = self.steps_of(commands, &info)?;
         let recorder = Recorder::new(&self.gpu, commands, self.timers.clone());
-        let (passes, keep) = recorder.finish_together(vec![steps])?;
+        let (passes, keep) = recorder.finish_together(vec![steps], 0)?;
         Ok(self.recorded(self.timers.clone(), passes, keep, info.owner))
     }
 
@@ -349,8 +349,8 @@ impl Plan {
     /// another of these unless they share a target. A device that one frame does not fill draws them in less than the sum of their times. The
     /// images are those of single recordings, to the bit.
     ///
-    /// Each recording is completed on its own. [`Status::passes`] of the one with the most passes has all times; those of the others
-    /// are empty.
+    /// Each recording is completed on its own. Of the plans with times, [`Status::passes`] of the one with the most passes has them: under the
+    /// names of its passes, with those beside them. The others have none.
     ///
     /// # Errors
     ///
@@ -362,12 +362,12 @@ impl Plan {
         plans.iter().try_for_each(|(plan, info)| plan.check(commands, info))?;
         let lists = plans.iter_mut().map(|(plan, info)| plan.steps_of(commands, info));
         let lists = lists.collect::<Result<Vec<_>>>()?;
-        let Some(longest) = (0..lists.len()).max_by_key(|&i| (passes(&lists[i]), usize::MAX - i)) else {
-            return Ok(Vec::new());
-        };
+        let rank = |&i: &usize| (plans[i].0.timers.is_some(), passes(&lists[i]), usize::MAX - i);
+        let Some(longest) = (0..lists.len()).max_by_key(rank) else { return Ok(Vec::new()) };
         let (first, _) = &plans[longest];
         let timers = first.timers.clone();
-        let (names, keep) = Recorder::new(&first.gpu, commands, timers.clone()).finish_together(lists)?;
+        let (names, keep) =
+            Recorder::new(&first.gpu, commands, timers.clone()).finish_together(lists, longest)?;
         let of_plan = |(i, (plan, info)): (usize, &mut (&mut Plan, RecordInfo<'_>))| {
             let (timers, names) =
                 if i == longest { (timers.clone(), names.clone()) } else { Default::default() };

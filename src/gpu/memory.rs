@@ -1,6 +1,7 @@
 //! Device memory of buffers and images: limits, allocation, release.
 
 use std::slice;
+use std::sync::Arc;
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -53,7 +54,7 @@ pub(super) struct Memory {
 #[derive(Debug)]
 enum Part {
     Allocator(Allocation),
-    Caller(MemoryPart),
+    Caller(MemoryPart, Arc<dyn MemorySource>),
 }
 
 // SAFETY: the pointer of the caller's part is to memory that is this object's alone.
@@ -68,7 +69,7 @@ impl Memory {
         gpu.check_allocation(name, requirements.size)?;
         let reservation = gpu.inner.budget.reserve(name, requirements.size)?;
         let part = match &gpu.inner.memory {
-            Some(source) => Part::Caller(of_caller(gpu, &**source, request)?),
+            Some(source) => Part::Caller(of_caller(gpu, &**source, request)?, Arc::clone(source)),
             None => Part::Allocator(of_allocator(gpu, request)?),
         };
         // No host sees more than it can address.
@@ -85,7 +86,7 @@ impl Memory {
         match &self.part {
             // SAFETY: the resource that is bound to it is destroyed before this object.
             Part::Allocator(allocation) => (unsafe { allocation.memory() }, allocation.offset()),
-            Part::Caller(part) => (part.memory, part.offset),
+            Part::Caller(part, _) => (part.memory, part.offset),
         }
     }
 
@@ -93,7 +94,7 @@ impl Memory {
     pub(super) fn bytes(&self) -> Option<&[u8]> {
         match &self.part {
             Part::Allocator(allocation) => allocation.mapped_slice(),
-            Part::Caller(part) => {
+            Part::Caller(part, _) => {
                 let start = part.mapped?;
                 // SAFETY: the source promises that the part is mapped, this large, and this object's alone.
                 Some(unsafe { slice::from_raw_parts(start.as_ptr(), self.size) })
@@ -105,7 +106,7 @@ impl Memory {
     pub(super) fn bytes_mut(&mut self) -> Option<&mut [u8]> {
         match &mut self.part {
             Part::Allocator(allocation) => allocation.mapped_slice_mut(),
-            Part::Caller(part) => {
+            Part::Caller(part, _) => {
                 let start = part.mapped?;
                 // SAFETY: as above.
                 Some(unsafe { slice::from_raw_parts_mut(start.as_ptr(), self.size) })
@@ -158,15 +159,14 @@ fn of_caller(gpu: &Gpu, source: &dyn MemorySource, request: &MemoryRequest<'_>) 
 
 impl Drop for Memory {
     fn drop(&mut self) {
-        match (&mut self.part, &self.gpu.inner.memory) {
-            (Part::Caller(part), Some(source)) => source.free(*part),
-            (Part::Allocator(allocation), _) => {
+        match &mut self.part {
+            Part::Caller(part, source) => source.free(*part),
+            Part::Allocator(allocation) => {
                 if let Some(allocator) = self.gpu.allocator().as_mut() {
                     // The only error is a broken invariant of the allocator, which a destructor cannot report.
                     let _ = allocator.free(std::mem::take(allocation));
                 }
             }
-            (Part::Caller(_), None) => {}
         }
     }
 }

@@ -66,11 +66,15 @@ impl Gpu {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] for [`PipelineCache::Caller`],
+    /// [`Error::Invalid`] for [`PipelineCache::Caller`] and memory or callbacks of the caller,
     /// [`Error::NoDevice`] without a loader or a qualifying device (with the reason for each),
     /// [`Error::Unsupported`] when validation is requested and its layer is missing,
     /// [`Error::Vulkan`] when a call fails.
     pub fn new(options: &GpuOptions) -> Result<Self> {
+        if options.memory.is_some() || options.allocation_callbacks.is_some() {
+            let why = "are for a device of the caller, Gpu::from_raw";
+            return Err(Error::invalid("memory and allocation_callbacks", why));
+        }
         if let PipelineCache::Caller(_) = options.pipeline_cache {
             let why = "a cache of the caller belongs to the caller's device: see Gpu::from_raw";
             return Err(Error::invalid("pipeline_cache", why));

@@ -56,9 +56,9 @@ pub struct GpuOptions {
     /// Bytes of a volume that one submission uploads, rounded to whole planes; 32 MiB by default. Frames of other threads
     /// wait for at most two such submissions.
     pub staging_bytes: Option<u64>,
-    /// Gives the memory of all buffers and images, in place of the crate's allocator, which then allocates nothing.
+    /// Gives, for [`Gpu::from_raw`](super::Gpu::from_raw) alone, the memory of all buffers and images, in place of the crate's allocator, which then allocates nothing.
     pub memory: Option<Arc<dyn MemorySource>>,
-    /// The callbacks for host memory of every object that the crate makes on the device. The crate's allocator of device memory has
+    /// The callbacks for host memory of every object that the crate makes on a device of the caller. The crate's allocator of device memory has
     /// none: with them goes `memory`.
     pub allocation_callbacks: Option<AllocationCallbacks>,
     /// The threads that compile pipelines; as many of the crate's own as the processor runs where it is `None`.

@@ -29,14 +29,16 @@ pub(crate) type Keep = Vec<Arc<dyn Any + Send + Sync>>;
 struct Round<'a> {
     /// Steps before them that are no passes.
     before: Vec<&'a Step>,
-    /// Passes, in groups of which none waits for another of its group.
-    passes: Vec<Vec<&'a Step>>,
+    /// Passes with the number of their list, in groups of which none waits for another of its group.
+    passes: Vec<Vec<(usize, &'a Step)>>,
 }
 
 impl Round<'_> {
-    /// Returns the name of the first pass.
-    fn name(&self) -> Option<String> {
-        self.passes.iter().flatten().next().map(|step| step.name.clone())
+    /// Returns the name of the pass of a list, else of the first.
+    fn name(&self, list: usize) -> Option<String> {
+        let mut passes = self.passes.iter().flatten();
+        let first = passes.clone().next();
+        passes.find(|(of, _)| *of == list).or(first).map(|(_, step)| step.name.clone())
     }
 }
 
@@ -48,9 +50,9 @@ struct Rest<'a> {
 }
 
 impl<'a> Rest<'a> {
-    fn new(steps: &'a [Step]) -> Self {
+    fn new(steps: &'a [Step], asked: bool) -> Self {
         let mut last: HashMap<Key, [Option<usize>; 2]> = HashMap::new();
-        for (i, step) in steps.iter().enumerate() {
+        for (i, step) in steps.iter().enumerate().filter(|_| asked) {
             for (used, usage) in &step.uses {
                 let places = last.entry(used.key()).or_default();
                 places[0] = Some(i);
@@ -75,9 +77,12 @@ impl<'a> Rest<'a> {
     }
 }
 
-/// Puts the passes of several lists of steps beside each other. What a list shares with one before it is used in that order.
+/// Puts the passes of several lists of steps beside each other. What a list shares with one before it is used in that order; steps that are
+/// no passes are of what no other list uses.
 fn rounds_of(lists: &[Vec<Step>]) -> Vec<Round<'_>> {
-    let mut rests: Vec<Rest<'_>> = lists.iter().map(|steps| Rest::new(steps)).collect();
+    // Nobody asks the last one.
+    let asked = |(i, steps)| Rest::new(steps, i + 1 < lists.len());
+    let mut rests: Vec<Rest<'_>> = lists.iter().map(Vec::as_slice).enumerate().map(asked).collect();
     let mut rounds = Vec::new();
     while rests.iter().any(|rest| rest.next < rest.steps.len()) {
         let mut round = Round { before: Vec::new(), passes: Vec::new() };
@@ -93,8 +98,8 @@ fn rounds_of(lists: &[Vec<Step>]) -> Vec<Round<'_>> {
             round.before.extend(before);
             let Some(pass) = pass.first() else { continue };
             match round.passes.last_mut() {
-                Some(group) if !group.iter().any(|other| pass.meets(other)) => group.push(pass),
-                _ => round.passes.push(vec![pass]),
+                Some(group) if !group.iter().any(|(_, other)| pass.meets(other)) => group.push((i, pass)),
+                _ => round.passes.push(vec![(i, pass)]),
             }
         }
         rounds.push(round);
@@ -294,14 +299,18 @@ impl<'a> Recorder<'a> {
     /// resources to keep until the submission has ended. After an error nothing was recorded.
     pub(crate) fn finish(mut self) -> Result<(Vec<String>, Keep)> {
         let steps = std::mem::take(&mut self.steps);
-        self.finish_together(vec![steps])
+        self.finish_together(vec![steps], 0)
     }
 
     /// Records as [`Recorder::finish`] the steps of several recordings, pass beside pass: of those with the same number none waits for
-    /// another, and they have one timestamp and the name of the first.
-    pub(crate) fn finish_together(mut self, lists: Vec<Vec<Step>>) -> Result<(Vec<String>, Keep)> {
+    /// another, and they have one timestamp. It has the name of the pass of list `named`, where that has one.
+    pub(crate) fn finish_together(
+        mut self,
+        lists: Vec<Vec<Step>>,
+        named: usize,
+    ) -> Result<(Vec<String>, Keep)> {
         let rounds = rounds_of(&lists);
-        let mut passes: Vec<String> = rounds.iter().filter_map(Round::name).collect();
+        let mut passes: Vec<String> = rounds.iter().filter_map(|round| round.name(named)).collect();
         let Some(commands) = self.commands else { return Ok((passes, Keep::new())) };
         let gpu = self.gpu.clone();
         gpu.build(lists.iter().flatten().filter_map(|step| step.work.pipeline()))?;
@@ -322,7 +331,8 @@ impl<'a> Recorder<'a> {
                 self.barriers(commands, &[step]);
             }
             for (i, group) in round.passes.iter().enumerate() {
-                self.barriers(commands, group);
+                let group: Vec<&Step> = group.iter().map(|(_, step)| *step).collect();
+                self.barriers(commands, &group);
                 if i == 0 && number < most {
                     self.stamp(commands.raw(), number);
                     number += 1;
@@ -453,7 +463,7 @@ mod tests {
         let groups = |lists: &[Vec<Step>]| -> Vec<Vec<String>> {
             let rounds = rounds_of(lists);
             let groups = rounds.iter().flat_map(|round| &round.passes);
-            groups.map(|group| group.iter().map(|step| step.name.clone()).collect()).collect()
+            groups.map(|group| group.iter().map(|(_, step)| step.name.clone()).collect()).collect()
         };
         let apart = [list(&["a", "b"]), list(&["c"])];
         assert_eq!(groups(&apart), [vec!["a", "c"], vec!["b"]]);

@@ -228,11 +228,10 @@ impl Step {
 
     /// Returns whether the step must not run beside another one: they share a resource, and not both read it in the same way.
     pub(super) fn meets(&self, other: &Self) -> bool {
-        let same = |(used, usage): &(Used, Use)| {
-            let shared = other.uses.iter().find(|(of_other, _)| of_other.key() == used.key());
-            shared.is_some_and(|(_, of_other)| usage != of_other || usage.writes())
+        let meet = |(used, usage): &(Used, Use), (of_other, other): &(Used, Use)| {
+            used.key() == of_other.key() && (usage != other || usage.writes())
         };
-        self.uses.iter().any(same)
+        self.uses.iter().any(|own| other.uses.iter().any(|others| meet(own, others)))
     }
 
     /// Returns whether the step is a pass, which has a timestamp.

@@ -10,7 +10,7 @@ use crate::frame::plan::{Plan, Recorded};
 use crate::frame::read_back::pixels;
 use crate::frame::target::{TargetDesc, TargetMode};
 use crate::gpu::shader::{FLAG_REPAIRED, FLAG_UNSORTED, TILE, TILE_PIXELS};
-use crate::gpu::{Buffer, BufferUse, Commands, PassTime, Recorder};
+use crate::gpu::{Buffer, BufferUse, Commands, Gpu, PassTime, Recorder};
 use crate::image::{Colours, Image as Picture};
 use crate::num;
 use crate::resident::GpuScene;
@@ -47,20 +47,11 @@ impl Renderer {
         let gpu = self.scene.gpu();
         gpu.alive()?;
         if let Some(format) = target.format() {
-            let needed = if target.mode() == TargetMode::Over {
-                vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND
-            } else {
-                vk::FormatFeatureFlags::COLOR_ATTACHMENT
-            };
-            let name = format!("{format:?}");
-            let integer = name.ends_with("_UINT") || name.ends_with("_SINT");
-            if integer || !gpu.image_features(format).contains(needed) {
-                let blending = if target.mode() == TargetMode::Over { " with blending" } else { "" };
-                let missing = format!(
-                    "a colour attachment{blending} that holds fractions: R8G8B8A8_UNORM, B8G8R8A8_SRGB and R16G16B16A16_SFLOAT are ones on every device"
-                );
-                return Err(Error::unsupported(format!("target of format {format:?}"), missing));
-            }
+            check_format(gpu, "target", format, target.mode() == TargetMode::Over)?;
+        }
+        if let Some((format, bits)) = target.hit_depths {
+            check_format(gpu, "image of hit depths", format, false)?;
+            self.check_stop(f32::from_bits(bits))?;
         }
         let surfaces = self.scene.surfaces()?;
         if let Some(surfaces) = &surfaces {
@@ -69,6 +60,19 @@ impl Renderer {
         Plan::new(gpu, surfaces.as_ref(), view, target, self.technique.drawn(), |view, canvas| {
             self.technique.prepare(&self.scene, view, canvas)
         })
+    }
+
+    /// Refuses hit depths of an opacity at which rays may have ended.
+    fn check_stop(&self, transmittance: f32) -> Result<()> {
+        let options = self.technique.option_pairs();
+        let stop = options.iter().find(|(key, _)| *key == "stop").and_then(|(_, stop)| stop.parse().ok());
+        let end: f64 = stop.unwrap_or(0.0) / self.scene.max_colour();
+        if f64::from(transmittance) > end {
+            return Ok(());
+        }
+        let why =
+            format!("rays end at a transmittance of {end:e}, before that of the opacity: set a smaller stop");
+        Err(Error::invalid("hit depths", why))
     }
 
     /// Draws one frame and waits for it: prepare, record, submit, wait, read back.
@@ -106,6 +110,22 @@ impl Renderer {
         let commands = Commands::new(self.scene.gpu())?;
         Ok(Frames { commands, renderer: self.clone(), target, plan, drawn: false, started: None })
     }
+}
+
+/// Checks that the device can draw into images of a format.
+fn check_format(gpu: &Gpu, what: &str, format: vk::Format, blends: bool) -> Result<()> {
+    use vk::FormatFeatureFlags as F;
+    let (needed, blending) =
+        if blends { (F::COLOR_ATTACHMENT_BLEND, " with blending") } else { (F::COLOR_ATTACHMENT, "") };
+    let name = format!("{format:?}");
+    let integer = name.ends_with("_UINT") || name.ends_with("_SINT");
+    if !integer && gpu.image_features(format).contains(needed) {
+        return Ok(());
+    }
+    let missing = format!(
+        "a colour attachment{blending} that holds fractions: R8G8B8A8_UNORM, B8G8R8A8_SRGB and R16G16B16A16_SFLOAT are ones on every device"
+    );
+    Err(Error::unsupported(format!("{what} of format {name}"), missing))
 }
 
 /// The time of one frame.
