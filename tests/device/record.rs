@@ -3,7 +3,9 @@
 #![allow(unsafe_code, reason = "plays the caller, who owns Vulkan objects")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
-use crate::common::caller::Caller;
+use std::sync::Arc;
+
+use crate::common::caller::{Caller, Depth};
 use crate::common::*;
 use glam::DVec3;
 use volraster::ash::vk;
@@ -183,6 +185,59 @@ fn frames_recorded_together_are_those_recorded_one_by_one() {
             assert!(sum == most || sum == most + 1, "{single:?}, {shared:?}");
         }
     }
+}
+
+/// Of several frames that are recorded together either all are or none: after a refusal plans can be recorded, and nothing is kept.
+#[test]
+fn frames_recorded_together_fail_together() {
+    let gpu = gpu();
+    let grid = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
+    let mesh = Scene::new(Field::Blobs.tets(5).unwrap(), TransferFunction::from_rows(&FOG).unwrap());
+    let mesh = GpuScene::new(&gpu, mesh);
+    let format = vk::Format::R32G32B32A32_SFLOAT;
+    let plain = TargetDesc::caller(format, TargetMode::Over);
+    let view = view(perspective(), 1.0, 40, 30);
+    let mut plans =
+        [(&mesh, "abuffer", plain), (&grid, "slices-2d", plain), (&grid, "slabs", plain.with_depth())].map(
+            |(scene, spec, target)| {
+                Renderer::new(scene, Technique::parse(spec).unwrap()).prepare(&view, &target).unwrap()
+            },
+        );
+    let caller = Caller::new(&gpu, format, [40, 30], 16);
+    let wall = Depth::new(&gpu, vk::Format::D32_SFLOAT, [40, 30], &[0.9; 1200]).unwrap();
+    let projection = DepthProjection::perspective(0.1, 10.0).unwrap();
+    let (image, depth) = (caller.target(&gpu), wall.image(&gpu, projection));
+    let owner = Arc::new(());
+    let mut draw = |depth: Option<&DepthImage>, together: bool| {
+        caller.begin([0.0; 4]);
+        wall.fill(caller.commands);
+        let mut commands = caller.command_buffer(&gpu);
+        let info = |i: usize| RecordInfo {
+            target: Some(&image),
+            depth: depth.filter(|_| i == 2),
+            owner: Some(Arc::clone(&owner) as _),
+            ..RecordInfo::default()
+        };
+        let recorded = if together {
+            let mut all: Vec<_> = plans.iter_mut().enumerate().map(|(i, plan)| (plan, info(i))).collect();
+            Plan::record_together(&mut commands, &mut all)
+        } else {
+            plans.iter_mut().enumerate().map(|(i, plan)| plan.record_with(&mut commands, info(i))).collect()
+        };
+        let bytes = caller.end(&gpu);
+        recorded.map(|recorded| {
+            assert!(recorded.into_iter().all(|recorded| recorded.completed().unwrap().complete));
+            bytes
+        })
+    };
+    let refused = draw(None, true).unwrap_err().to_string();
+    assert!(refused.contains("depth image"), "{refused}");
+    assert_eq!(Arc::strong_count(&owner), 1);
+    // One over the other, in the order of the list.
+    let together = draw(Some(&depth), true).unwrap();
+    assert!(together == draw(Some(&depth), false).unwrap());
+    assert!(together.iter().any(|&byte| byte != 0));
+    assert_eq!(Arc::strong_count(&owner), 1);
 }
 
 /// Every pass of a frame has a timer, whatever the technique, the route and the view: the composite, which is the last pass,
