@@ -3,7 +3,7 @@
 //!
 //! May use `error`, `num`, `interface`, and `io` for the pipeline cache. Used by `primitives`, `resident`, `frame`,
 //! `technique`, `ffi` and the program. From bottom to top: `instance`, `select`; `device` (what exists once per
-//! device); `memory`, `buffer`, `image`, `pipeline`, `inputs`, `descriptors`; `sync`, `steps`, `issue`, `recorder`; `submit`,
+//! device); `host`, `memory`, `buffer`, `image`, `pipeline`, `inputs`, `descriptors`; `sync`, `steps`, `issue`, `recorder`; `submit`,
 //! `transfer`; `probe`, `query`; `open` and `adopt` make the [`Gpu`].
 
 #![expect(unsafe_code, reason = "calls Vulkan")]
