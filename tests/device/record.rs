@@ -187,6 +187,40 @@ fn frames_recorded_together_are_those_recorded_one_by_one() {
     }
 }
 
+/// A frame that was recorded and never submitted leaves nothing that the next one could reuse.
+#[test]
+fn a_discarded_frame_is_not_reused() {
+    let gpu = gpu();
+    if !routes_of(&gpu, volraster::technique::Method::ProjectedTets).contains(&"raster") {
+        return;
+    }
+    let mesh = Scene::new(Field::Blobs.tets(5).unwrap(), TransferFunction::from_rows(&FOG).unwrap());
+    let mesh = GpuScene::new(&gpu, mesh);
+    let format = vk::Format::R32G32B32A32_SFLOAT;
+    let view = view(perspective(), 1.0, 40, 30);
+    let renderer = Renderer::new(&mesh, Technique::parse("projected-tets:plane=space").unwrap());
+    let mut plan = renderer.prepare(&view, &TargetDesc::caller(format, TargetMode::Clear)).unwrap();
+    let caller = Caller::new(&gpu, format, [40, 30], 16);
+    caller.begin([0.0; 4]);
+    let recorded = plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
+    // SAFETY: recording.
+    unsafe { caller.device.end_command_buffer(caller.commands) }.unwrap();
+    recorded.discarded();
+    let mut reused = Vec::new();
+    for _ in 0..2 {
+        caller.begin([0.0; 4]);
+        let recorded =
+            plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
+        let bytes = caller.end(&gpu);
+        let counters = recorded.completed().unwrap().counters;
+        reused.extend(counters.iter().filter(|(name, _)| *name == "fans_reused").map(|(_, count)| *count));
+        let floats: Vec<f32> =
+            bytes.chunks_exact(4).map(|b| f32::from_ne_bytes(b.try_into().unwrap())).collect();
+        assert!(floats == renderer.render(&view).unwrap().pixels().as_flattened());
+    }
+    assert_eq!(reused, [0, 1]);
+}
+
 /// Of several frames that are recorded together either all are or none: after a refusal plans can be recorded, and nothing is kept.
 #[test]
 fn frames_recorded_together_fail_together() {

@@ -81,8 +81,6 @@ pub(crate) struct TetsRaster {
     ranked: View,
     /// Whether these ranks were found by `prepare`, and no frame has used them yet.
     fresh: bool,
-    /// The eye of the fans and the view of the ranks that are on the device.
-    built: Mutex<Option<(Eye, View)>>,
     view: View,
     outcome: Arc<RasterOutcome>,
 }
@@ -92,15 +90,27 @@ pub(crate) struct TetsRaster {
 struct RasterOutcome {
     status: Arc<Buffer>,
     cells: u32,
-    /// Whether the frame reused the fans, and the ranks, of the frame before.
-    reused: Mutex<[bool; 2]>,
+    built: Mutex<Built>,
+}
+
+/// What frames leave for those after them.
+#[derive(Debug, Default)]
+struct Built {
+    /// The eye of the fans and the view of the ranks that are on the device, once the frame has ended that made them or used them last.
+    known: Option<(Eye, View)>,
+    /// Those of the frame that is recorded, which may never run.
+    recorded: Option<(Eye, View)>,
+    /// Whether that reuses the fans, and the ranks.
+    reused: [bool; 2],
 }
 
 impl Outcome for RasterOutcome {
     fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
         let status = words(&self.status.host_copy()?);
         let nan = status.get(num::index(STATUS_NAN_KEYS)).copied().unwrap_or(0);
-        let [fans, ranks] = *self.reused.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut built = self.built.lock().unwrap_or_else(PoisonError::into_inner);
+        built.known = built.recorded.take();
+        let [fans, ranks] = built.reused;
         let counters = vec![
             ("primitives", u64::from(self.cells)),
             ("nan_keys", u64::from(nan)),
@@ -280,12 +290,11 @@ impl TetsRaster {
             ranker,
             ranked: *view,
             fresh: true,
-            built: Mutex::new(None),
             view: *view,
             outcome: Arc::new(RasterOutcome {
                 status: download(gpu, "status", 4 * u64::from(STATUS_WORDS))?,
                 cells: ranking.count,
-                reused: Mutex::new([false; 2]),
+                built: Mutex::default(),
             }),
             ranking,
         })
@@ -411,14 +420,12 @@ impl Prepared for TetsRaster {
 
     fn record(&self, recorder: &mut Recorder<'_>, target: Option<&TargetImage>, clear: bool) {
         let Some(attachment) = self.attachment(target) else { return };
-        // The next recording can reuse the results of this one, because a plan has one in flight.
-        let mut built = self.built.lock().unwrap_or_else(PoisonError::into_inner);
-        let [fans, ranks] = self.serves(*built, &self.view);
+        let mut built = self.outcome.built.lock().unwrap_or_else(PoisonError::into_inner);
+        let reused = self.serves(built.known, &self.view);
         if recorder.records() {
-            *built = Some((Eye::of(&self.view), self.ranked));
-            *self.outcome.reused.lock().unwrap_or_else(PoisonError::into_inner) = [fans, ranks];
+            *built = Built { known: None, recorded: Some((Eye::of(&self.view), self.ranked)), reused };
         }
-        self.record_frame(recorder, &attachment, clear, [fans, ranks]);
+        self.record_frame(recorder, &attachment, clear, reused);
     }
 
     fn record_most(&self, recorder: &mut Recorder<'_>, target: &TargetImage) {
