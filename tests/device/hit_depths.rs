@@ -136,10 +136,10 @@ fn cases() -> Vec<Case> {
         (cut::mesh(), vec!["havs", "havs:k=2,chunk=9", "abuffer", "projected-tets"], 0.02),
         (cut::cells(), vec!["havs", "abuffer"], 1e-4),
         // A kernel counts where it is densest, or in its sheet.
-        (cut::points(), vec!["splat-ewa", "splat-ewa:order=pixel"], 0.45),
+        (cut::points(), vec!["splat-ewa:pairs=500", "splat-ewa:order=pixel,footprint=ewa"], 0.45),
         (cut::points(), vec!["splat-sheets:step=0.25"], 0.08),
         (kernels, vec!["splat-sheets:sheets=axis"], 0.4),
-        (splats(SplatRule::Ray.name()), vec!["gaussians"], 1e-3),
+        (splats(SplatRule::Ray.name()), vec!["gaussians", "gaussians:pairs=700"], 1e-3),
         // The first slab holds as much as 8 % of opacity.
         (splats(SplatRule::Overlap.name()), vec!["gaussians"], 0.6),
         (splats(SplatRule::Integral.name()), vec!["gaussians:step=0.02"], 0.6),
