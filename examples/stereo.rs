@@ -9,7 +9,6 @@ use volraster::glam::DVec2;
 use volraster::io::scene_file::LoadedScene;
 use volraster::io::{self, ReadOptions};
 use volraster::scene::{Camera, View};
-use volraster::technique::Method;
 use volraster::{
     Error, Gpu, GpuScene, Image, Offscreen, Plan, Renderer, Result, TargetDesc, TargetMode, Technique,
 };
@@ -60,11 +59,7 @@ fn main() -> Result<()> {
     let loaded = LoadedScene::load_any(scan, &ReadOptions::default())?;
     let technique = match arguments.get(2) {
         Some(name) => Technique::parse(name)?,
-        None => {
-            let method = Method::default_for(&loaded.scene)
-                .ok_or_else(|| invalid("scene", "no technique draws it"))?;
-            Technique::new(method, &[])?
-        }
+        None => Technique::default_for(&loaded.scene)?,
     };
 
     let gpu = Gpu::headless()?;

@@ -7,7 +7,6 @@ use std::path::PathBuf;
 use volraster::io::scene_file::LoadedScene;
 use volraster::io::{self, ReadOptions};
 use volraster::scene::View;
-use volraster::technique::Method;
 use volraster::{Error, Gpu, GpuScene, Renderer, Result, Technique};
 
 fn invalid(what: &str, why: impl Into<String>) -> Error {
@@ -32,11 +31,7 @@ fn main() -> Result<()> {
     let loaded = LoadedScene::load_any(scan, &ReadOptions::default())?;
     let technique = match arguments.get(3) {
         Some(name) => Technique::parse(name)?,
-        None => {
-            let method = Method::default_for(&loaded.scene)
-                .ok_or_else(|| invalid("scene", "no technique draws it"))?;
-            Technique::new(method, &[])?
-        }
+        None => Technique::default_for(&loaded.scene)?,
     };
 
     let gpu = Gpu::headless()?;

@@ -51,7 +51,7 @@ struct Scene {
 /// A camera as (eye, target, up, fov_y_deg, half_height).
 type CameraParts = ([f64; 3], [f64; 3], [f64; 3], Option<f64>, Option<f64>);
 
-/// What of a drawn image is no pixel: technique, milliseconds of the frame, milliseconds on the device, counters.
+/// Everything about a drawn image but its pixels: technique, milliseconds of the frame, milliseconds on the device, counters.
 type Facts = (String, f64, Option<f64>, Vec<(String, u64)>);
 
 impl Scene {
@@ -114,8 +114,7 @@ impl Scene {
         if let Some(choice) = &self.loaded.technique {
             return Technique::new(Method::from_name(&choice.name)?, &choice.options);
         }
-        let none = || Error::Invalid { what: "technique".into(), why: "none draws this scene".into() };
-        Technique::new(Method::default_for(&self.loaded.scene).ok_or_else(none)?, &[])
+        Technique::default_for(&self.loaded.scene)
     }
 
     fn drawn(
@@ -353,6 +352,14 @@ fn srgb8(image: PyReadonlyArray3<'_, f32>, background: [f64; 4]) -> PyResult<Vec
     Ok(io::to_srgb8(&image_of(&image)?, background))
 }
 
+/// Returns the PNG that `write_image` writes.
+#[pyfunction]
+fn png(image: PyReadonlyArray3<'_, f32>, background: [f64; 4]) -> PyResult<Vec<u8>> {
+    let mut bytes = Vec::new();
+    io::encode_png(&mut bytes, &image_of(&image)?, background)?;
+    Ok(bytes)
+}
+
 /// Writes a PNG or EXR file.
 #[pyfunction]
 fn write_image(path: PathBuf, image: PyReadonlyArray3<'_, f32>, background: [f64; 4]) -> PyResult<()> {
@@ -382,5 +389,5 @@ fn techniques() -> Vec<(&'static str, Vec<OptionParts>)> {
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use super::{Scene, device, errors, srgb8, techniques, write_image};
+    use super::{Scene, device, errors, png, srgb8, techniques, write_image};
 }

@@ -130,18 +130,43 @@ def test_cameras_are_dictionaries():
     assert not np.array_equal(scene.render(camera=camera, size=SIZE).rgba, scene.render(size=SIZE).rgba)
 
 
+def decoded(png, channels):
+    """The pixels of a PNG of 8 bits, by the filters of its specification."""
+    columns, rows = struct.unpack(">II", png[16:24])
+    assert png[25] == {3: 2, 4: 6}[channels]
+    data, place = b"", 8
+    while place < len(png):
+        length, kind = struct.unpack(">I4s", png[place : place + 8])
+        data += png[place + 8 : place + 8 + length] if kind == b"IDAT" else b""
+        place += 12 + length
+    lines = np.frombuffer(zlib.decompress(data), np.uint8).reshape(rows, -1)
+    out = np.zeros((rows + 1, columns + 1, channels), int)  # with zeros above and to the left
+    for y, line in enumerate(lines, 1):
+        for x, stored in enumerate(line[1:].reshape(columns, channels), 1):
+            left, up, corner = out[y, x - 1], out[y - 1, x], out[y - 1, x - 1]
+            distances = [abs(left + up - corner - near) for near in (left, up, corner)]
+            paeth = np.choose(np.argmin(distances, axis=0), (left, up, corner))
+            out[y, x] = (stored + (0, left, up, (left + up) // 2, paeth)[line[0]]) % 256
+    return out[1:, 1:].astype(np.uint8)
+
+
+def test_images_are_shown_over_an_opaque_background():
+    image = volraster.render(ball(), transfer=FOG, size=SIZE)
+    assert image.background[3] == 1 and image.srgb8().shape == (36, 48, 3)
+    assert np.array_equal(decoded(image._repr_png_(), 3), image.srgb8())
+
+
 def test_images_are_shown_and_saved(tmp_path):
     image = volraster.render(ball(), transfer=FOG, size=SIZE, background=(0, 0, 0, 0))
     png = image._repr_png_()
     assert png.startswith(b"\x89PNG") and struct.unpack(">II", png[16:24]) == SIZE
-    begin = png.index(b"IDAT")
-    lines = zlib.decompress(png[begin + 4 : begin + 4 + struct.unpack(">I", png[begin - 4 : begin])[0]])
-    shown = np.frombuffer(lines, np.uint8).reshape(36, -1)[:, 1:].reshape(36, 48, 4)
+    shown = decoded(png, 4)
     assert np.array_equal(shown, image.srgb8())
     assert np.abs(shown[..., 3] / 255 - image.rgba[..., 3]).max() <= 0.5 / 255 + 1e-6
     for name in ("image.png", "image.exr"):
         image.save(tmp_path / name)
         assert (tmp_path / name).stat().st_size > 100
+    assert (tmp_path / "image.png").read_bytes() == png
     assert np.array_equal(np.asarray(image), image.rgba) and "48 x 36" in repr(image)
 
 

@@ -18,8 +18,6 @@ from __future__ import annotations
 
 import json
 import os
-import struct
-import zlib
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -121,21 +119,16 @@ class Image:
         return dict(zip(names, _native.errors(np.ascontiguousarray(self.rgba, np.float32), truth)))
 
     def srgb8(self) -> np.ndarray:
-        """Returns (rows, columns, 4) uint8: sRGB with straight alpha over the background."""
+        """Returns (rows, columns, 3) uint8: sRGB over the background; with straight alpha as a fourth where that is not opaque."""
         flat = _native.srgb8(np.ascontiguousarray(self.rgba, np.float32), self.background)
-        return np.frombuffer(bytes(flat), np.uint8).reshape(self.rgba.shape)
+        return np.frombuffer(bytes(flat), np.uint8).reshape(*self.rgba.shape[:2], -1)
 
     def save(self, path: str | os.PathLike) -> None:
         """Writes a PNG over the background, or an EXR with all numbers, by the ending of the name."""
         _native.write_image(os.fspath(path), np.ascontiguousarray(self.rgba, np.float32), self.background)
 
     def _repr_png_(self) -> bytes:
-        pixels = self.srgb8()
-        rows, columns, _ = pixels.shape
-        lines = b"".join(b"\0" + line.tobytes() for line in pixels)
-        head = struct.pack(">IIBBBBB", columns, rows, 8, 6, 0, 0, 0)
-        chunk = lambda kind, body: struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-        return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(lines)) + chunk(b"IEND", b"")
+        return bytes(_native.png(np.ascontiguousarray(self.rgba, np.float32), self.background))
 
 
 class Scene:

@@ -1,7 +1,7 @@
 //! Images as OpenEXR (32-bit float, lossless) and as PNG (8-bit sRGB).
 
 use std::fs::File;
-use std::io::Write as _;
+use std::io::Write;
 use std::path::Path;
 
 use ::image::{ExtendedColorType, ImageEncoder as _, codecs::png::PngEncoder};
@@ -114,15 +114,21 @@ pub fn read_exr(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Image> 
 /// [`Error::Io`] if the file cannot be written, [`Error::File`] if it must not be replaced; no partial
 /// file remains.
 pub fn write_png(path: impl AsRef<Path>, image: &Image, background: [f64; 4]) -> Result<()> {
+    replace(path.as_ref(), |writer| encode_png(writer, image, background))
+}
+
+/// Encodes the PNG that [`write_png`] writes.
+///
+/// # Errors
+///
+/// Those of the writer.
+pub fn encode_png(writer: impl Write, image: &Image, background: [f64; 4]) -> std::io::Result<()> {
     let bytes = to_srgb8(image, background);
     let colour = if background[3] >= 1.0 { ExtendedColorType::Rgb8 } else { ExtendedColorType::Rgba8 };
-    replace(path.as_ref(), |writer| {
-        PngEncoder::new(writer).write_image(&bytes, image.width(), image.height(), colour).map_err(
-            |e| match e {
-                ::image::ImageError::IoError(error) => error,
-                other => std::io::Error::other(other.to_string()),
-            },
-        )
+    let encoder = PngEncoder::new(writer);
+    encoder.write_image(&bytes, image.width(), image.height(), colour).map_err(|e| match e {
+        ::image::ImageError::IoError(error) => error,
+        other => std::io::Error::other(other.to_string()),
     })
 }
 

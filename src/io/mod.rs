@@ -29,7 +29,7 @@ pub use formats::fan::Triangles;
 pub use formats::raw::layout::RawLayout;
 pub use formats::raw::read_raw;
 pub use formats::triangles::{read_triangles, read_triangles_memory};
-pub use image::{read_exr, to_srgb8, write_exr, write_image, write_png};
+pub use image::{encode_png, read_exr, to_srgb8, write_exr, write_image, write_png};
 pub use options::{Progress, ReadOptions};
 pub use read_data::{read, read_arrays, read_arrays_memory, read_grid, read_memory};
 pub use registry::known_formats;

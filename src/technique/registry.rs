@@ -139,6 +139,18 @@ techniques! {
     Gaussians(gaussians::Options),
 }
 
+impl Technique {
+    /// Returns the default technique of a scene, with default options.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if none draws the scene.
+    pub fn default_for(scene: &Scene) -> Result<Self> {
+        let method = Method::default_for(scene);
+        Self::new(method.ok_or_else(|| Error::invalid("scene", "no technique draws it"))?, &[])
+    }
+}
+
 impl Method {
     /// Finds the technique of a name.
     ///
