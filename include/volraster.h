@@ -298,7 +298,7 @@ typedef enum vr_kernel {
 } vr_kernel;
 
 /**
- * What the kernels' sum is.
+ * Meaning of the kernels' sum.
  */
 typedef enum vr_kernel_model {
     /**
@@ -1960,4 +1960,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 09f82159f0315e53 */
+/* Checksum of the sources: 9d269a97798ee3d7 */

@@ -218,18 +218,10 @@ void main() {
                 }
             }
             if (LAYERS && pending.len == 0.0 && is_uncut(rest)) begin_uncut(rest, pending, ahead, false, own.world, sum);
-            if (pending.len > 0.0) {
-                float len = pending.len;
-                vec4 piece = next_piece(pending, BACK_TO_FRONT, knots);
-                add_piece(sum, piece, len, pending, own, BACK_TO_FRONT);
-            }
+            if (pending.len > 0.0) add_next(sum, pending, own, BACK_TO_FRONT, knots);
         }
         goes_on = pending.waits;
-        for (uint once = 0u; once < uint(goes_on); ++once) {
-            float len = pending.len;
-            vec4 piece = thickest_piece(pending, BACK_TO_FRONT);
-            add_piece(sum, piece, len, pending, own, BACK_TO_FRONT);
-        }
+        for (uint once = 0u; once < uint(goes_on); ++once) add_thickest(sum, pending, own, BACK_TO_FRONT);
     }
     if (LAYERS && sum.a < opaque) pass_layers(ahead, 3e37, sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)

@@ -204,19 +204,11 @@ void main() {
                 }
             }
             if (LAYERS && pending.len == 0.0 && is_uncut(rest)) begin_uncut(rest, pending, ahead, CELL_SCALARS, own.world, sweep.sum);
-            if (pending.len > 0.0) {
-                float len = pending.len;
-                vec4 piece = next_piece(pending, BACK_TO_FRONT, knots);
-                add_piece(sweep.sum, piece, len, pending, own, BACK_TO_FRONT);
-            }
+            if (pending.len > 0.0) add_next(sweep.sum, pending, own, BACK_TO_FRONT, knots);
         }
         goes_on = pending.waits || waits(source);
         for (uint once = 0u; once < uint(waits(source)); ++once) ask_corners(source);
-        for (uint once = 0u; once < uint(pending.waits); ++once) {
-            float len = pending.len;
-            vec4 piece = thickest_piece(pending, BACK_TO_FRONT);
-            add_piece(sweep.sum, piece, len, pending, own, BACK_TO_FRONT);
-        }
+        for (uint once = 0u; once < uint(pending.waits); ++once) add_thickest(sweep.sum, pending, own, BACK_TO_FRONT);
     }
     if (LAYERS && LAST_CHUNK && sweep.sum.a < opaque) pass_layers(ahead, 3e37, sweep.sum);
     // Devices may end a loop that takes too many turns, and go on after it. (Not the loop's own condition: compilers know that.)

@@ -17,6 +17,20 @@ void add_piece(inout vec4 sum, vec4 piece, float len, Pending pending, OwnPixel 
     note_hit(number_of(own), before, 1.0 - sum.a, pending.end - len / own.world, pending.end - pending.len / own.world);
 }
 
+// Adds the next piece of a pending segment, unless it has to wait.
+void add_next(inout vec4 sum, inout Pending pending, OwnPixel own, bool back_to_front, uint knots) {
+    float len = pending.len;
+    vec4 piece = next_piece(pending, back_to_front, knots);
+    add_piece(sum, piece, len, pending, own, back_to_front);
+}
+
+// Adds the piece that waits.
+void add_thickest(inout vec4 sum, inout Pending pending, OwnPixel own, bool back_to_front) {
+    float len = pending.len;
+    vec4 piece = thickest_piece(pending, back_to_front);
+    add_piece(sum, piece, len, pending, own, back_to_front);
+}
+
 // Notes a segment that was added whole, where the opacity was 1 - `before`, and is 1 - `after`. Where it matters the segment is taken again, piece
 // by piece.
 void note_segment(End front, End back, float d0, float d1, float before, float after, uint knots, OwnPixel own) {

@@ -269,7 +269,7 @@ pub enum vr_kernel {
     VR_KERNEL_SINC = 4,
 }
 
-/// What the kernels' sum is.
+/// Meaning of the kernels' sum.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum vr_kernel_model {

@@ -1,4 +1,4 @@
-//! What callers govern on a device of theirs: device memory, and the threads that compile.
+//! Device memory and threads for compilation that callers provide on a device of theirs.
 
 use std::ffi::{c_char, c_void};
 use std::fmt;

@@ -1,4 +1,5 @@
-//! What a caller may govern: the memory of buffers and images, the host memory of Vulkan's objects, and the threads that compile.
+//! Resources that a caller may provide: the memory of buffers and images, the host memory of Vulkan's objects, and the threads that
+//! compile pipelines.
 
 use std::fmt;
 use std::ptr::NonNull;

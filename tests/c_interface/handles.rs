@@ -212,7 +212,7 @@ fn techniques_are_described() {
     refused!(vr_technique_parse(null()), vr_result::VR_ERROR_INVALID, "NULL");
 }
 
-/// What C gives of memory, callbacks and threads is used, and all of it is given back.
+/// Memory and threads of a C program are used, and all of the memory is given back.
 #[test]
 fn memory_and_threads_are_the_caller_s() {
     #[derive(Default)]

@@ -1,4 +1,4 @@
-//! What the caller governs: device memory, host memory, and the threads that compile.
+//! Device memory, host memory and threads for compilation that the caller provides.
 
 use std::alloc::Layout;
 use std::collections::HashMap;
@@ -142,7 +142,7 @@ fn all_device_memory_is_the_caller_s() {
     engine.end_silently();
 }
 
-/// What the source refuses is an error that names it, and what it gives against its promises is refused and given back.
+/// A request that the source refuses is an error that names it; a part against its promises is refused and given back.
 #[test]
 fn memory_that_is_refused_or_wrong_is_an_error() {
     let _turn = turn();

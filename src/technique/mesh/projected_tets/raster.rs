@@ -93,7 +93,7 @@ struct RasterOutcome {
     built: Mutex<Built>,
 }
 
-/// What frames leave for those after them.
+/// Fans and ranks that frames leave for those after them.
 #[derive(Debug, Default)]
 struct Built {
     /// The eye of the fans and the view of the ranks that are on the device, once the frame has ended that made them or used them last.
