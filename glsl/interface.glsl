@@ -78,6 +78,11 @@
 #define BINDING_ERRORS 71       // storage block: number of tiles by the error of the greatest step
 #define BINDING_TILE_STEPS 72   // storage block: step of each tile of the image
 
+#define BINDING_PAGES 77        // storage block: PAGES_FIRST words of the pool, then a PAGE_* word for each page
+#define BINDING_WANTED 78       // storage block: WANTED_* words: pages that rays have missed
+#define BINDING_RAYS 79         // storage block: how far the ray of each pixel has come
+#define BINDING_POOL 80         // sampler3D: the pages of a grid for techniques of stacks
+
 #define BINDING_COUNTS 73       // storage block: COUNTS_* words
 #define BINDING_HIT_DEPTHS 76   // storage block: the depth at which each pixel's ray becomes opaque enough; 0: none
 
@@ -148,6 +153,8 @@
 #define SPEC_COUNTED 45       // bool: samples and fetches are counted
 #define SPEC_HIT_AT 48        // uint: bits of the transmittance whose depth BINDING_HIT_DEPTHS gets; 0: nobody asks
 
+#define SPEC_PAGED 49         // bool: the grid is kept in pages
+
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0
 #define INTEGRATOR_INTEGRAL 1
@@ -202,6 +209,19 @@
 #define PIXELS_COUNT 3
 #define PIXELS_FIRST 4
 
+// Words of BINDING_PAGES: slots of the pool along x and y; then for each page flags, and of a page that is held the place of its slot, 8 bits
+// an axis.
+#define PAGES_FIRST 2
+#define PAGE_HELD 2147483648   // it is in a slot
+#define PAGE_HIDDEN 1073741824 // nothing is visible in it
+
+// Words of BINDING_WANTED: whether a ray has not ended; the number of missed pages; the first of them; then a word for each page: whether it
+// has been missed.
+#define WANTED_UNFINISHED 0
+#define WANTED_COUNT 1
+#define WANTED_FIRST 2
+#define WANTED_MOST 4096
+
 // Words of BINDING_COUNTS: sums, the lower word first.
 #define COUNTS_SAMPLES 0
 #define COUNTS_FETCHES 2
@@ -211,6 +231,9 @@
 #define FOOTPRINT_PARTS 8 // intervals of a ray integral without a closed form, two points each
 
 #define BRICK 8            // cells along each side of a brick
+#define PAGE 64            // cells along each side of a page
+#define PAGE_TEXELS 67     // samples along each side of a page with its apron, of one sample on each side
+#define PAGE_BRICKS 8      // bricks along each side of a page
 #define THRESHOLD_SIDE 64  // side of the tile of thresholds
 
 #define LANE_GROUP 8    // workgroup of independent invocations on devices that emulate workgroups
@@ -272,6 +295,7 @@
 #define MARCH_AXIS 3      // mask: the grid's axis that index space calls z; the other two follow it cyclically
 #define MARCH_CONTINUES 4 // another dispatch resumes the march
 #define MARCH_WIDE 8      // the rays of a tile lie more than a brick apart
+#define MARCH_RESUMES 16  // rays go on from where BINDING_RAYS says
 
 // Further bits of BasePlanePush.order.
 #define PLANE_DOWN 8           // rays go down the stack

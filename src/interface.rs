@@ -323,6 +323,17 @@ pub(crate) struct Pilot {
     pub(crate) pad0: [u32; 3],
 }
 
+/// How far the ray of a pixel through pages has come (`paging.glsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub(crate) struct RayState {
+    pub(crate) slab: u32,
+    pub(crate) transmittance: f32,
+    pub(crate) reached: f32,
+    pub(crate) layer: f32,
+    pub(crate) front: u32,
+}
+
 /// The push constants of `steps.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

@@ -100,6 +100,11 @@ pub(crate) const fn index(value: u32) -> usize {
     value as usize
 }
 
+/// Converts a size in bytes to one that memory can have.
+pub(crate) fn usize_of_u64(value: u64) -> usize {
+    usize::try_from(value).unwrap_or(usize::MAX)
+}
+
 /// Converts a length to a 64-bit count; exact on every platform that this crate builds for.
 pub(crate) fn wide(value: usize) -> u64 {
     u64::try_from(value).unwrap_or(u64::MAX)

@@ -31,7 +31,7 @@ layout(set = 0, binding = BINDING_LIGHT, std140) uniform LightUniform {
 
 // Returns the difference of scalars over two voxels along an axis of the grid.
 float difference(vec3 position, vec3 axis, float level, Lattice lattice) {
-    return stored_in(position + axis, level, lattice) - stored_in(position - axis, level, lattice);
+    return stored_near(position, axis, level, lattice) - stored_near(position, -axis, level, lattice);
 }
 
 // Returns premultiplied colour and opacity of a piece that shows something, as the light shows them at depth z of the ray.

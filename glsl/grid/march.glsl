@@ -13,6 +13,7 @@
 #include "grid/grid.glsl"
 #include "grid/empty-space.glsl"
 #include "grid/interval.glsl"
+#include "grid/paging.glsl"
 #include "grid/resume.glsl"
 #include "grid/shown.glsl"
 
@@ -24,6 +25,13 @@ layout(local_size_x = 8, local_size_y = 8) in;
 const uint MOST_AT_ONCE = 2u;
 
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
+
+// Where the dispatch before has left the ray of a grid in pages.
+RayState before = FIRST_STATE;
+
+uint number_of(ivec2 pixel) {
+    return uint(pixel.y) * sides_of(push.sides).x + uint(pixel.x);
+}
 
 // Finds the pixel of an invocation: by its place in the dispatch, or in a list of tiles or pixels. Returns whether there is one that shows
 // anything.
@@ -41,12 +49,30 @@ bool own_pixel(out ivec2 pixel) {
         return tile.x <= tile.y;
     }
     if (BY_TILE_LIST) pixel = pixel * TILE + ivec2(gl_LocalInvocationID.xy);
-    return all(lessThan(pixel, ivec2(sides_of(push.sides))));
+    if (any(greaterThanEqual(pixel, ivec2(sides_of(push.sides))))) return false;
+    if (PAGED && (push.order & MARCH_RESUMES) != 0u) before = rays[number_of(pixel)];
+    return before.slab != RAY_ENDED;
 }
 
 // Begins the march, or continues with what the dispatch before has stored: returns colour and opacity so far, and the transmittance.
 vec4 begin_march(ivec2 pixel, out float transmittance) {
+    if (PAGED) {
+        transmittance = before.transmittance;
+        return (push.order & MARCH_RESUMES) != 0u ? imageLoad(accumulation, pixel) : vec4(0.0);
+    }
     return unpacked_state(RESUME ? imageLoad(accumulation, pixel) : vec4(0.0), transmittance);
+}
+
+// Returns whether the value on the front of a slab is known from the dispatch before: a ray that waits for one page needs no other.
+bool knows_front(uint slab) {
+    return PAGED && slab == before.slab && before.front != NO_FRONT;
+}
+
+// Returns the slabs of this dispatch, of those that the ray meets: of a grid in pages the next, else all.
+uvec2 slabs_ahead(uvec2 slabs) {
+    if (!PAGED) return slabs;
+    uint first = max(slabs.x, before.slab);
+    return uvec2(first, min(slabs.y, first + push.seed));
 }
 
 // Stores the result, or the state for the next dispatch.
@@ -57,9 +83,9 @@ void end_march(ivec2 pixel, vec4 sum, float transmittance) {
 
 // Composites a piece of the ray between two depths.
 void add_part(ivec2 pixel, inout vec4 sum, inout float transmittance, vec4 emission, vec2 piece) {
-    float before = transmittance;
+    float in_front = transmittance;
     add_behind(sum, transmittance, emission);
-    note_hit(uint(pixel.y) * sides_of(push.sides).x + uint(pixel.x), before, transmittance, piece.x, piece.y);
+    note_hit(number_of(pixel), in_front, transmittance, piece.x, piece.y);
 }
 
 BrickGrid load_bricks() {
@@ -68,6 +94,7 @@ BrickGrid load_bricks() {
 
 // Returns the translucent surfaces from depth `begin` on, where this dispatch begins: the one before has composited those in front.
 LayersAhead begin_layers(ivec2 pixel, float begin) {
+    if (PAGED) return layers_from(uvec2(pixel), sides_of(push.sides).x, before.layer);
     return layers_from(uvec2(pixel), sides_of(push.sides).x, push.first > 0u ? begin : -3e38);
 }
 
@@ -81,6 +108,15 @@ void pass_layers(inout LayersAhead ahead, float depth, float opaque, inout vec4 
     for (uint turn = 0u; turn < MOST_LAYERS && ahead.depth <= depth && transmittance > opaque; ++turn) {
         add_behind(sum, transmittance, take_layer(ahead));
     }
+}
+
+// Notes how far the ray has come that ends before slab `end`. Returns whether this is its end; only a ray through pages may have another.
+bool ends_ray(ivec2 pixel, uint slab, uint end, float transmittance, float opaque, float reached, LayersAhead ahead, uint front) {
+    if (!PAGED) return true;
+    bool ended = !has_missed() && (slab >= end || transmittance <= opaque);
+    rays[number_of(pixel)] = RayState(ended ? RAY_ENDED : slab, transmittance, reached, ahead.depth, front);
+    if (!ended) note_unfinished();
+    return ended;
 }
 
 // Shortens a piece to the part in front of the next surface, after compositing the surfaces already reached. Returns whether the

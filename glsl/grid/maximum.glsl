@@ -38,17 +38,22 @@ void main() {
     float z0 = interval.x;
     // Sample i lies at depth z0 + i h, the last one where the ray leaves.
     float samples = interval.x <= interval.y ? ceil((interval.y - z0) / h) + 1.0 : 0.0;
-    uint i = push.first, last = uint(min(samples, float(push.first + push.count)));
+    uvec2 all = uvec2(push.first, min(samples, float(push.first + push.count))), ahead = slabs_ahead(all);
     if (RESUME) brick_grid.reached = imageLoad(accumulation, pixel).x;
-    while (i < last) {
-        uint stop = skip_empty(i, last, fma(float(i), h, z0), z0, h, walk, ray, interval.y, brick_grid);
+    if (PAGED && before.slab > 0u) brick_grid.reached = before.transmittance;
+    uint i = ahead.x;
+    while (i < ahead.y && !has_missed()) {
+        uint stop = skip_empty(i, ahead.y, fma(float(i), h, z0), z0, h, walk, ray, interval.y, brick_grid);
         for (; i < stop; ++i) {
             float texel = stored_at(ray, min(fma(float(i), h, z0), interval.y), lattice);
+            if (has_missed()) break;
             float s = HAS_NAN && is_nan(texel) ? -3e38 : scalar_of(texel, lattice);
             brick_grid.reached = max(brick_grid.reached, s);
         }
     }
 
+    LayersAhead none = LayersAhead(0u, 0u, 3e38);
+    ends_ray(pixel, i, all.y, brick_grid.reached, -3.1e38, 0.0, none, NO_FRONT);
     vec4 shown = vec4(brick_grid.reached);
     if ((push.order & MARCH_CONTINUES) == 0u) {
         load_knots();

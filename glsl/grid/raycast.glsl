@@ -32,7 +32,7 @@
 #include "grid/tile-step.glsl"
 #include "grid/pilots.glsl"
 
-const uint AT_ONCE = LAYERS || LIT || INTEGRATOR != INTEGRATOR_MIDPOINT ? 1u : MOST_AT_ONCE;
+const uint AT_ONCE = LAYERS || LIT || PAGED || INTEGRATOR != INTEGRATOR_MIDPOINT ? 1u : MOST_AT_ONCE;
 
 // The segments of a ray: segment i begins at depth z0 + i h. Those from `first` to before `end` show anything; `first` may be -1.
 struct Segments {
@@ -50,9 +50,9 @@ Segments segments_of(Ray ray, vec2 interval, ivec2 pixel, float spacing) {
     return Segments(z0, h, floor((shown.x - z0) / h) - 1.0, min(segments, ceil((shown.y - z0) / h) + 1.0), shown.x);
 }
 
-// Marches the segments of a ray from `first` to before `last`. The last of all ends at depth `far`.
-void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, uint first, uint last, inout LayersAhead ahead, inout vec4 sum,
-           inout float transmittance) {
+// Marches the segments of a ray from `i` to before `last`, and leaves the number of the next in `i`. The last of all ends at depth `far`.
+void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint i, uint last, inout LayersAhead ahead, inout float reached,
+           inout uint known, inout vec4 sum, inout float transmittance) {
     float z0 = all.z0, h = all.h;
     // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();
@@ -61,18 +61,22 @@ void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, uint first,
     float opaque = push.opaque;
     load_segments(knots);
 
-    float reached = -3e38;
-    uint i = first;
-    while (i < last && transmittance > opaque) {
+    while (i < last && transmittance > opaque && !has_missed()) {
         uint stop = skip_empty(i, last, max(fma(float(i), h, z0), all.begin), z0, h, walk, ray, far, brick_grid);
         Face front;
-        if (INTEGRATOR != INTEGRATOR_MIDPOINT) front = face_of(stored_at(ray, fma(float(i), h, z0), lattice), lattice);
+        if (INTEGRATOR != INTEGRATOR_MIDPOINT) {
+            float texel = knows_front(i) ? uintBitsToFloat(before.front) : stored_at(ray, fma(float(i), h, z0), lattice);
+            if (has_missed()) break;
+            known = floatBitsToUint(texel);
+            front = face_of(texel, lattice);
+        }
         for (; i < stop && transmittance > opaque; i += AT_ONCE) {
             vec2 pieces[MOST_AT_ONCE];
             float texels[MOST_AT_ONCE];
+            bool cut = false;
             for (uint k = 0u; k < AT_ONCE; ++k) {
                 vec2 piece = vec2(fma(float(i + k), h, z0), min(fma(float(min(i + k + 1u, last)), h, z0), far));
-                if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --i;
+                cut = LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance);
                 pieces[k] = piece;
                 texels[k] = stored_at(ray, INTEGRATOR == INTEGRATOR_MIDPOINT ? 0.5 * (piece.x + piece.y) : piece.y, lattice);
             }
@@ -89,8 +93,12 @@ void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, uint first,
                     front = back;
                 }
                 if (LIT) emission = lit(emission, ray, fma(emitted_at, end - begin, begin), lattice);
+                if (has_missed()) break;
                 add_part(pixel, sum, transmittance, emission, vec2(begin, end));
+                known = floatBitsToUint(texels[k]);
             }
+            if (has_missed()) break;
+            if (cut) --i;
         }
     }
 }
@@ -104,14 +112,18 @@ void main() {
     float spacing = step_of(pixel);
     Segments all = segments_of(ray, interval, pixel, spacing);
     float begin = float(push.first), end = float(push.first + push.count);
-    uint first = uint(max(all.first, begin)), last = uint(clamp(all.end, 0.0, end));
+    uvec2 range = uvec2(max(all.first, begin), clamp(all.end, 0.0, end)), ahead_of = slabs_ahead(range);
 
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);
     LayersAhead ahead = begin_layers(pixel, fma(begin, all.h, all.z0));
     float layers_until = layers_end(fma(end, all.h, all.z0));
-    march(pixel, ray, all, interval.y, slabs_between_looks(spacing), first, last, ahead, sum, transmittance);
-    if (LAYERS) end_layers(ahead, layers_until, push.opaque, sum, transmittance);
+    float reached = before.reached;
+    uint known = NO_FRONT;
+    uint i = ahead_of.x;
+    march(pixel, ray, all, interval.y, slabs_between_looks(spacing), i, ahead_of.y, ahead, reached, known, sum, transmittance);
+    bool ends = ends_ray(pixel, i, range.y, transmittance, push.opaque, reached, ahead, known);
+    if (LAYERS && ends) end_layers(ahead, layers_until, push.opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }
 #endif
@@ -137,8 +149,10 @@ void main() {
     float transmittance = 1.0;
     vec4 sum = vec4(0.0);
     LayersAhead ahead;
-    march(pixel, ray, all, interval.y, slabs_between_looks(spacing), uint(max(all.first, 0.0)), uint(max(all.end, 0.0)), ahead, sum,
-          transmittance);
+    float reached = -3e38;
+    uint known;
+    uint i = uint(max(all.first, 0.0));
+    march(pixel, ray, all, interval.y, slabs_between_looks(spacing), i, uint(max(all.end, 0.0)), ahead, reached, known, sum, transmittance);
     if (level > 0u) {
         vec4 difference = sum - pilots[tile].colour;
         float change = min(0.25 * dot(difference, difference), 1e30);

@@ -86,7 +86,7 @@ void main() {
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
     vec2 shown = shown_of(interval, pixel);
-    uvec2 slabs = slabs_of(shown);
+    uvec2 all = slabs_of(shown), slabs = slabs_ahead(all);
 
     // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();
@@ -100,24 +100,33 @@ void main() {
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);
     LayersAhead ahead = begin_layers(pixel, fma(float(push.first), h, z0));
-    float reached = -3e38, layers_until = layers_end(fma(float(push.first + push.count), h, z0));
+    float reached = before.reached, layers_until = layers_end(fma(float(push.first + push.count), h, z0));
+    uint known = NO_FRONT;
     uint slab = slabs.x;
-    while (slab < slabs.y && transmittance > opaque) {
+    while (slab < slabs.y && transmittance > opaque && !has_missed()) {
         float z = max(fma(float(slab), h, z0), shown.x);
         uint stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
-        Face front = face_of(stored_at(ray, max(fma(float(slab), h, z0), interval.x), lattice), lattice);
+        float texel = knows_front(slab) ? uintBitsToFloat(before.front) : stored_at(ray, max(fma(float(slab), h, z0), interval.x), lattice);
+        if (has_missed()) break;
+        known = floatBitsToUint(texel);
+        Face front = face_of(texel, lattice);
         for (; slab < stop && transmittance > opaque; ++slab) {
             vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
-            // Where a surface splits a slab, the slab is taken again for the rest.
-            if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;
+            bool cut = LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance);
             Face back = face_of(stored_at(ray, piece.y, lattice), lattice);
             if (piece.x < piece.y) {
-                add_part(pixel, sum, transmittance, slab_emission(ray, piece, front, back, lattice, knots), piece);
+                vec4 emission = slab_emission(ray, piece, front, back, lattice, knots);
+                if (has_missed()) break;
+                add_part(pixel, sum, transmittance, emission, piece);
                 front = back;
+                known = floatBitsToUint(back.texel);
             }
+            // Where a surface splits a slab, the slab is taken again for the rest.
+            if (cut) --slab;
         }
     }
-    if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);
+    bool ends = ends_ray(pixel, slab, all.y, transmittance, opaque, reached, ahead, known);
+    if (LAYERS && ends) end_layers(ahead, layers_until, opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }
 #endif

@@ -122,7 +122,7 @@ void main() {
     vec2 interval = interval_of(ray, vec2(pixel));
 
     // Load these before the loop: drivers do not hoist them.
-    Lattice lattice = lattice_of_view(true);
+    Lattice lattice = of_stack(lattice_of_view(true));
     BrickGrid brick_grid = load_bricks();
     float h = push.d0_h.w, z0 = push.py_z0.w;
     uint knots = push.knots;
@@ -139,7 +139,8 @@ void main() {
     float begin = clamp(floor(place.x) + (down ? 1.0 : -1.0), 0.0, slabs - 1.0);
     float end = clamp(floor(place.y) + (down ? -1.0 : 1.0), 0.0, slabs - 1.0);
     uint turns = shown.x < shown.y ? uint(abs(end - begin)) + 1u : 0u;
-    uint turn = push.first, last = min(turns, push.first + push.count);
+    uvec2 all = uvec2(push.first, min(turns, push.first + push.count)), turns_ahead = slabs_ahead(all);
+    uint turn = turns_ahead.x, last = turns_ahead.y;
     uint first_slab = uint(begin);
 
     float transmittance;
@@ -148,8 +149,8 @@ void main() {
     float first_plane = fma(down ? begin + 1.0 - float(push.first) : begin + float(push.first), h, z0);
     float done = float(push.first + push.count), last_plane = fma(down ? begin + 1.0 - done : begin + done, h, z0);
     LayersAhead ahead = begin_layers(pixel, (first_plane - ray.q.z) * ray.inverse.z);
-    float reached = -3e38, layers_until = layers_end((last_plane - ray.q.z) * ray.inverse.z);
-    while (turn < last && transmittance > opaque) {
+    float reached = before.reached, layers_until = layers_end((last_plane - ray.q.z) * ray.inverse.z);
+    while (turn < last && transmittance > opaque && !has_missed()) {
         uint stop = last;
         if (EMPTY_SPACE) {
             uint slab = down ? first_slab - turn : first_slab + turn;
@@ -163,12 +164,15 @@ void main() {
         for (; turn < stop && transmittance > opaque; ++turn) {
             uint slab = down ? first_slab - turn : first_slab + turn;
             vec2 piece = slab_piece(slab, ray, interval, z0, h);
-            if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --turn;
+            bool cut = LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance);
             vec4 emission = slice_emission(ray, piece, 0.5 * (piece.x + piece.y), float(slab), lattice, knots);
+            if (has_missed()) break;
+            if (cut) --turn;
             add_part(pixel, sum, transmittance, emission, piece);
         }
     }
-    if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);
+    bool ends = ends_ray(pixel, turn, all.y, transmittance, opaque, reached, ahead, NO_FRONT);
+    if (LAYERS && ends) end_layers(ahead, layers_until, opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }
 #endif

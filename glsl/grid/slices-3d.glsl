@@ -77,14 +77,14 @@ void main() {
 #ifdef COMPUTE
 #include "grid/march.glsl"
 
-const uint AT_ONCE = LAYERS || LIT ? 1u : MOST_AT_ONCE;
+const uint AT_ONCE = LAYERS || LIT || PAGED ? 1u : MOST_AT_ONCE;
 
 void main() {
     ivec2 pixel;
     if (!own_pixel(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
-    uvec2 slabs = slabs_of(shown_of(interval, pixel));
+    uvec2 all = slabs_of(shown_of(interval, pixel)), slabs = slabs_ahead(all);
 
     // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();
@@ -98,28 +98,34 @@ void main() {
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);
     LayersAhead ahead = begin_layers(pixel, fma(float(push.first), h, z0));
-    float reached = -3e38, layers_until = layers_end(fma(float(push.first + push.count), h, z0));
+    float reached = before.reached, layers_until = layers_end(fma(float(push.first + push.count), h, z0));
     uint slab = slabs.x;
-    while (slab < slabs.y && transmittance > opaque) {
+    while (slab < slabs.y && transmittance > opaque && !has_missed()) {
         float z = max(fma(float(slab), h, z0), interval.x);
         uint stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
         for (; slab < stop && transmittance > opaque; slab += AT_ONCE) {
             vec2 pieces[MOST_AT_ONCE];
             float texels[MOST_AT_ONCE];
+            bool cut = false;
             for (uint k = 0u; k < AT_ONCE; ++k) {
                 vec2 piece = slab_piece(fma(float(slab + k), h, z0), fma(float(slab + k + 1u), h, z0), interval);
-                if (LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance)) --slab;
+                cut = LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance);
                 pieces[k] = piece;
                 texels[k] = slice_texel(ray, piece, lattice);
             }
             for (uint k = 0u; k < AT_ONCE; ++k) {
                 bool drawn = AT_ONCE == 1u || slab + k < slabs.y && transmittance > opaque;
                 vec2 piece = drawn ? pieces[k] : pieces[k].xx;
-                add_part(pixel, sum, transmittance, slice_emission(texels[k], ray, piece, lattice, knots), piece);
+                vec4 emission = slice_emission(texels[k], ray, piece, lattice, knots);
+                if (has_missed()) break;
+                add_part(pixel, sum, transmittance, emission, piece);
             }
+            if (has_missed()) break;
+            if (cut) --slab;
         }
     }
-    if (LAYERS) end_layers(ahead, layers_until, opaque, sum, transmittance);
+    bool ends = ends_ray(pixel, slab, all.y, transmittance, opaque, reached, ahead, NO_FRONT);
+    if (LAYERS && ends) end_layers(ahead, layers_until, opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }
 #endif

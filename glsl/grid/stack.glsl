@@ -8,12 +8,24 @@
 #include "shared/interpolated.glsl"
 #include "shared/optics.glsl"
 #include "frame/counts.glsl"
+#include "grid/pages.glsl"
 #include "grid/ray.glsl"
 #include "grid/lattice.glsl"
 
 layout(constant_id = SPEC_BETWEEN) const bool BETWEEN = false;
 
 layout(set = 0, binding = BINDING_VOLUME) uniform sampler2DArray stack;
+layout(set = 0, binding = BINDING_POOL) uniform sampler3D pool;
+
+// Returns components in the order of the grid's axes.
+vec3 in_grid(vec3 turned, uint axis) {
+    return axis == 2u ? turned : axis == 0u ? turned.zxy : turned.yzx;
+}
+
+// Returns parameters of reconstruction with those of a pool of pages.
+Lattice of_stack(Lattice lattice) {
+    return with_pool(lattice, pool, in_grid(lattice.half_size, lattice.axis));
+}
 
 // Interpolates on a slice at one level, with four fetches, around an index of level 0.
 float fetched(vec2 index, int slice, int level) {
@@ -33,6 +45,10 @@ float fetched(vec2 index, int slice, int level) {
 
 // Returns the stored value on a slice, bilinear.
 float on_slice(vec2 index, float slice, float level, Lattice lattice) {
+    if (PAGED) {
+        vec3 last = in_grid(2.0 * lattice.half_size, lattice.axis);
+        return stored_on_page(pool, in_grid(vec3(index, slice), lattice.axis), vec3(0.0), last, lattice);
+    }
     if (!FILTER_EXACT) {
         ++taken_fetches;
         vec2 coordinate = (index + 0.5) / (2.0 * lattice.half_size.xy + 1.0);

@@ -48,7 +48,7 @@ vec2 domain_of(Ray ray) {
 }
 
 Lattice load_lattice() {
-    return Lattice(push.half_scale.xyz, push.value_scale, push.value_offset, 0.0, 0.0, 0.0);
+    return Lattice(push.half_scale.xyz, push.value_scale, push.value_offset, 0.0, 0.0, 0.0, push.order & MARCH_AXIS, ivec3(0), vec3(0.0));
 }
 
 #endif

@@ -108,7 +108,8 @@ pub struct RecordInfo<'a> {
 /// The report of a completed recording. `Send` and `Sync`.
 #[derive(Clone, Debug)]
 pub struct Status {
-    /// Whether everything was drawn. `false` when a buffer was too small: prepare anew, which allocates more, and repeat.
+    /// Whether everything was drawn. `false` when data of a grid in pages was missing: [`Plan::load`] it, and record again; else when a buffer
+    /// was too small: prepare anew, which allocates more, and record again.
     pub complete: bool,
     /// Passes with their times on the device, in the order of recording. Empty where the device has no timestamps, and for
     /// [`TargetDesc::without_times`].
@@ -272,7 +273,7 @@ impl Plan {
         if let Some(counts) = &self.counts {
             counts.record_begin(recorder);
         }
-        if let Some(hit_depths) = &self.hit_depths {
+        if let Some(hit_depths) = self.hit_depths.as_ref().filter(|_| !self.prepared.resumes()) {
             hit_depths.record_begin(recorder);
         }
     }
@@ -521,6 +522,22 @@ impl Plan {
             surfaces.set_view(seen);
         }
         Ok(true)
+    }
+
+    /// Loads what the last recording lacked of a grid that is kept in pages, since the device has no room for the whole. Returns whether a
+    /// recording of the same view goes on with the image: until every ray has ended, it shows what rays have met so far, front to back.
+    /// Reads the source of the data, submits and waits.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] while a recording is in flight; those of the data's source; [`Error::Memory`] and [`Error::Vulkan`] when the upload
+    /// fails.
+    pub fn load(&mut self) -> Result<bool> {
+        self.gpu.alive()?;
+        if Arc::strong_count(&self.in_flight) > 1 {
+            return Err(Error::invalid("plan", "its last recording has not been completed"));
+        }
+        self.prepared.load()
     }
 
     /// Whether its target is a rectangle of a larger image.

@@ -43,6 +43,14 @@ pub(crate) trait Prepared: std::fmt::Debug + Send + Sync {
     fn record_most(&self, recorder: &mut Recorder<'_>, target: &TargetImage) {
         self.record(recorder, Some(target), true);
     }
+    /// Loads data that the last recording lacked. Returns whether another recording of the same view goes on with the image.
+    fn load(&mut self) -> Result<bool> {
+        Ok(false)
+    }
+    /// Whether the next recording goes on with the image of the last one.
+    fn resumes(&self) -> bool {
+        false
+    }
     /// The status of a frame, to be read when it has ended.
     fn outcome(&self) -> Option<Arc<dyn Outcome>> {
         None

@@ -85,6 +85,7 @@ pub(crate) struct Inner {
     pub(super) own_cache: bool,
     pub(super) lost: LossNote,
     pub(super) staging_bytes: u64,
+    pub(super) page_pool: Option<u64>,
     pub(super) loop_limit: OnceLock<u32>,
     /// Largest errors of the filters of 8-bit and 16-bit volumes.
     pub(super) filter_errors: OnceLock<[f64; 2]>,

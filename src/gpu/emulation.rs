@@ -5,7 +5,7 @@ use super::options::GpuOptions;
 use crate::error::{Error, Result};
 
 /// The words of [`GpuOptions::emulating`], and what they do.
-const WORDS: [(&str, &str); 9] = [
+const WORDS: [(&str, &str); 10] = [
     (
         "as-hardware",
         "gives a software device the passes of a GPU: wide workgroups, an invocation for each pixel",
@@ -19,6 +19,7 @@ const WORDS: [(&str, &str); 9] = [
     ),
     ("allocation=BYTES", "limits one allocation of device memory"),
     ("memory=BYTES", "limits device memory in all"),
+    ("pages=BYTES", "keeps grids in pages, each in a pool of so many bytes"),
     ("subgroup=N", "lowers the invocations of a subgroup that passes count on"),
     ("no-NAME", "leaves out an optional feature that `devices` lists; no-features leaves out all"),
 ];
@@ -89,6 +90,7 @@ impl GpuOptions {
             "buffer" => self.storage_range = bytes(value).and_then(narrow),
             "allocation" => self.allocation_size = bytes(value),
             "memory" => self.memory_budget = bytes(value),
+            "pages" => self.page_pool = bytes(value),
             _ => return false,
         }
         match name {
@@ -96,6 +98,7 @@ impl GpuOptions {
             "subgroup" => self.subgroup_size.is_some(),
             "buffer" => self.storage_range.is_some(),
             "allocation" => self.allocation_size.is_some(),
+            "pages" => self.page_pool.is_some(),
             _ => self.memory_budget.is_some(),
         }
     }

@@ -49,10 +49,11 @@ impl Gpu {
                 // SAFETY: recording, outside of rendering; a colour image in this layout by the step's barrier.
                 unsafe { device.cmd_clear_color_image(raw, image.raw, layout, &colour, &all) };
             }
-            Work::CopyBuffer { from, to, bytes } => {
-                let region = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: *bytes };
-                // SAFETY: both buffers hold at least `bytes`; barriers order the accesses.
-                unsafe { device.cmd_copy_buffer(raw, from.raw, to.raw, &[region]) };
+            Work::CopyBuffer { from, to, parts } => {
+                let region = |&[src_offset, dst_offset, size]: &[u64; 3]| vk::BufferCopy { src_offset, dst_offset, size };
+                let regions: Vec<_> = parts.iter().map(region).collect();
+                // SAFETY: both buffers hold these parts, of which there is one; barriers order the accesses.
+                unsafe { device.cmd_copy_buffer(raw, from.raw, to.raw, &regions) };
             }
             Work::CopyImageToBuffer { image, buffer } => {
                 let region = image_region(image, 0, [0, image.desc().planes(0)]);
@@ -65,6 +66,23 @@ impl Gpu {
                 let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
                 // SAFETY: the buffer holds these planes of the level; barriers order layouts and accesses.
                 unsafe { device.cmd_copy_buffer_to_image(raw, buffer.raw, image.raw, layout, &[region]) };
+            }
+            Work::CopyBufferToCubes { buffer, image, side, cubes } => {
+                let extent = vk::Extent3D { width: *side, height: *side, depth: *side };
+                let region = |&(offset, corner): &(u64, [u32; 3])| {
+                    let [x, y, z] = corner.map(|place| i32::try_from(place).unwrap_or(i32::MAX));
+                    vk::BufferImageCopy {
+                        buffer_offset: offset,
+                        image_offset: vk::Offset3D { x, y, z },
+                        image_extent: extent,
+                        ..image_region(image, 0, [0, 1])
+                    }
+                };
+                let regions: Vec<_> = cubes.iter().map(region).collect();
+                let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+                // SAFETY: the buffer holds a cube from each offset on, a multiple of 4, and the volume has them; there is one; barriers order
+                // layouts and accesses.
+                unsafe { device.cmd_copy_buffer_to_image(raw, buffer.raw, image.raw, layout, &regions) };
             }
             Work::Leave | Work::Inherit(..) => {}
         }

@@ -194,6 +194,7 @@ impl Gpu {
             cache: vk::PipelineCache::null(),
             own_cache: true,
             lost: LossNote::default(),
+            page_pool: options.page_pool,
             staging_bytes: options.staging_bytes.unwrap_or(STAGING_BYTES).max(1),
             loop_limit: options.loop_limit.map(|limit| limit.max(1).into()).unwrap_or_default(),
             filter_errors: OnceLock::new(),

@@ -83,6 +83,21 @@ impl Gpu {
         self.inner.budget.total()
     }
 
+    /// Returns the bytes of the budget that nothing takes.
+    pub(crate) fn memory_left(&self) -> u64 {
+        self.inner.budget.total().saturating_sub(self.inner.budget.used())
+    }
+
+    /// Returns the bytes of data that one submission uploads.
+    pub(crate) fn staging_bytes(&self) -> u64 {
+        self.inner.staging_bytes
+    }
+
+    /// Returns the bytes of the pool of a grid's pages, where the options give them.
+    pub(crate) fn page_pool(&self) -> Option<u64> {
+        self.inner.page_pool
+    }
+
     /// Returns the live allocations of device memory: the name of each object and its bytes.
     #[must_use]
     pub fn memory_report(&self) -> Vec<(String, u64)> {

@@ -253,7 +253,31 @@ impl<'a> Recorder<'a> {
 
     /// Adds a copy of the first `bytes` of one buffer to the start of another.
     pub(crate) fn copy_buffer(&mut self, name: &str, from: &Arc<Buffer>, to: &Arc<Buffer>, bytes: u64) {
-        self.step(name, Work::CopyBuffer { from: Arc::clone(from), to: Arc::clone(to), bytes });
+        self.copy_parts(name, from, to, vec![[0, 0, bytes]]);
+    }
+
+    /// Adds a copy of parts of a buffer to another: each from an offset to an offset, so many bytes.
+    pub(crate) fn copy_parts(
+        &mut self,
+        name: &str,
+        from: &Arc<Buffer>,
+        to: &Arc<Buffer>,
+        parts: Vec<[u64; 3]>,
+    ) {
+        self.step(name, Work::CopyBuffer { from: Arc::clone(from), to: Arc::clone(to), parts });
+    }
+
+    /// Adds a copy of parts of a buffer, from offsets on, to cubes of a volume.
+    pub(crate) fn copy_buffer_to_cubes(
+        &mut self,
+        name: &str,
+        buffer: &Arc<Buffer>,
+        image: &Arc<Image>,
+        side: u32,
+        cubes: Vec<(u64, [u32; 3])>,
+    ) {
+        let (buffer, image) = (Arc::clone(buffer), Arc::clone(image));
+        self.step(name, Work::CopyBufferToCubes { buffer, image, side, cubes });
     }
 
     /// Makes a resource ready for a use, also by later recordings.

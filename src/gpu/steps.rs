@@ -124,12 +124,14 @@ pub(crate) enum Work {
     ClearBuffer(Arc<Buffer>, u64),
     /// Fills an image with one colour.
     ClearImage(Arc<Image>, [f32; 4]),
-    /// Copies the first bytes of a buffer to the start of another.
-    CopyBuffer { from: Arc<Buffer>, to: Arc<Buffer>, bytes: u64 },
+    /// Copies parts of a buffer to another: each from an offset to an offset, so many bytes.
+    CopyBuffer { from: Arc<Buffer>, to: Arc<Buffer>, parts: Vec<[u64; 3]> },
     /// Copies a whole image to the start of a buffer.
     CopyImageToBuffer { image: Arc<Image>, buffer: Arc<Buffer> },
     /// Copies the start of a buffer to planes or layers `[first, count]` of a mip level of an image.
     CopyBufferToImage { buffer: Arc<Buffer>, image: Arc<Image>, level: u32, planes: [u32; 2] },
+    /// Copies parts of a buffer, from these offsets on, to cubes of a volume with a side and these corners.
+    CopyBufferToCubes { buffer: Arc<Buffer>, image: Arc<Image>, side: u32, cubes: Vec<(u64, [u32; 3])> },
     /// Only makes the resources ready for their uses, also for later recordings. This is no pass.
     Leave,
     /// Only says how an earlier submission to the same queue has used a resource last. This is no pass.
@@ -182,7 +184,8 @@ impl Work {
             Self::CopyImageToBuffer { image: from, buffer: to } => {
                 vec![image(from, Use::TransferRead), buffer(to, Use::TransferWrite)]
             }
-            Self::CopyBufferToImage { buffer: from, image: to, .. } => {
+            Self::CopyBufferToImage { buffer: from, image: to, .. }
+            | Self::CopyBufferToCubes { buffer: from, image: to, .. } => {
                 vec![buffer(from, Use::TransferRead), image(to, Use::TransferWrite)]
             }
             Self::Leave | Self::Inherit(..) => Vec::new(),
@@ -221,7 +224,7 @@ impl Step {
         let sum = |writes| resources.values().filter(|of| of[1] == writes).map(|of| of[0]).sum();
         match self.work {
             Work::ClearBuffer(_, bytes) if bytes != vk::WHOLE_SIZE => [0, bytes],
-            Work::CopyBuffer { bytes, .. } => [bytes; 2],
+            Work::CopyBuffer { ref parts, .. } => [parts.iter().map(|part| part[2]).sum(); 2],
             _ => [sum(0), sum(1)],
         }
     }
@@ -266,9 +269,10 @@ impl fmt::Display for Step {
             Work::Dispatch { .. } => "dispatch",
             Work::Draw { target, .. } => target.as_ref().map_or("draws", |_| "draw"),
             Work::ClearBuffer(..) | Work::ClearImage(..) => "clear",
-            Work::CopyBuffer { .. } | Work::CopyImageToBuffer { .. } | Work::CopyBufferToImage { .. } => {
-                "copy"
-            }
+            Work::CopyBuffer { .. }
+            | Work::CopyImageToBuffer { .. }
+            | Work::CopyBufferToImage { .. }
+            | Work::CopyBufferToCubes { .. } => "copy",
             Work::Leave => "leave",
             Work::Inherit(..) => "from an earlier frame",
         };

@@ -16,11 +16,19 @@ impl Buffer {
     pub(crate) fn with_data(gpu: &Gpu, name: &str, bytes: &[u8]) -> Result<Arc<Self>> {
         let size = num::wide(bytes.len());
         let buffer = Arc::new(Self::new(gpu, name, size, BufferUse::ShaderRead)?);
-        let staging = staging(gpu, name, bytes)?;
+        let staging = Self::staging(gpu, name, bytes)?;
         Commands::new(gpu)?.run("upload", |recorder| {
             recorder.copy_buffer("upload", &staging, &buffer, size);
             recorder.release_buffer(&buffer);
         })?;
+        Ok(buffer)
+    }
+
+    /// Makes a staging buffer with `bytes`.
+    pub(crate) fn staging(gpu: &Gpu, name: &str, bytes: &[u8]) -> Result<Arc<Self>> {
+        let size = num::wide(bytes.len());
+        let mut buffer = Arc::new(Self::new(gpu, &format!("{name} (staging)"), size, BufferUse::Upload)?);
+        fill_staging(name, &mut buffer, size, |memory| memory.copy_from_slice(bytes))?;
         Ok(buffer)
     }
 
@@ -97,14 +105,6 @@ fn groups(gpu: &Gpu, desc: &ImageDesc) -> Vec<Group> {
         }
     }
     groups
-}
-
-/// Makes a staging buffer with `bytes`.
-fn staging(gpu: &Gpu, name: &str, bytes: &[u8]) -> Result<Arc<Buffer>> {
-    let size = num::wide(bytes.len());
-    let mut buffer = Arc::new(Buffer::new(gpu, &format!("{name} (staging)"), size, BufferUse::Upload)?);
-    fill_staging(name, &mut buffer, size, |memory| memory.copy_from_slice(bytes))?;
-    Ok(buffer)
 }
 
 /// Fills the first `size` bytes of a staging buffer that no submission reads.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::gpu::shader::{self, BRICK, BRICKS_AROUND, BRICKS_COMPUTE};
+use crate::gpu::shader::{self, BRICK, BRICKS_AROUND, BRICKS_COMPUTE, PAGE_BRICKS, PAGE_TEXELS};
 use crate::gpu::{Buffer, Commands, Gpu, Recorder};
 use crate::interface::BricksPush;
 use crate::num;
@@ -33,34 +33,62 @@ pub(crate) fn bricks_of(dims: [u32; 3]) -> [u32; 3] {
 /// [`nonzero_ranges`] takes into account. Ranges are widened by the
 /// rounding of a device's decoding and filtering.
 fn brick_ranges(grid: &Grid) -> Vec<[f32; 2]> {
-    let [n, m] = [grid.dims(), bricks_of(grid.dims())].map(|dims| dims.map(num::index));
-    match grid.samples() {
-        Samples::U8(v) => in_units(grid, extremes(v, n, m, [u8::MAX, u8::MIN])),
-        Samples::U16(v) => in_units(grid, extremes(v, n, m, [u16::MAX, u16::MIN])),
-        Samples::I16(v) => in_units(grid, extremes(v, n, m, [i16::MAX, i16::MIN])),
+    ranges_of(grid, grid.samples(), Windows { dims: grid.dims(), bricks: bricks_of(grid.dims()), first: 0 })
+}
+
+/// Returns the ranges of the bricks of a page, x fastest, from its samples with their apron.
+pub(crate) fn page_ranges(grid: &Grid, samples: &Samples) -> Vec<[f32; 2]> {
+    ranges_of(grid, samples, Windows { dims: [PAGE_TEXELS; 3], bricks: [PAGE_BRICKS; 3], first: 1 })
+}
+
+/// The samples that bricks cover.
+#[derive(Clone, Copy, Debug)]
+struct Windows {
+    /// Samples along each axis.
+    dims: [u32; 3],
+    /// Bricks along each axis.
+    bricks: [u32; 3],
+    /// Index of the first sample of the first brick along each axis.
+    first: usize,
+}
+
+impl Windows {
+    /// Returns the samples that a brick covers along an axis.
+    fn of(&self, brick: usize, axis: usize) -> std::ops::Range<usize> {
+        let side = num::index(BRICK);
+        let begin = self.first + brick * side;
+        begin.saturating_sub(APRON)..(begin + side + 1 + APRON).min(num::index(self.dims[axis]))
+    }
+}
+
+/// Returns the ranges of bricks of some samples of a grid.
+fn ranges_of(grid: &Grid, samples: &Samples, windows: Windows) -> Vec<[f32; 2]> {
+    match samples {
+        Samples::U8(v) => in_units(grid, extremes(v, windows, [u8::MAX, u8::MIN])),
+        Samples::U16(v) => in_units(grid, extremes(v, windows, [u16::MAX, u16::MIN])),
+        Samples::I16(v) => in_units(grid, extremes(v, windows, [i16::MAX, i16::MIN])),
         Samples::F32(v) => {
-            let mut ranges = in_units(grid, extremes(v, n, m, [f32::INFINITY, f32::NEG_INFINITY]));
+            let mut ranges = in_units(grid, extremes(v, windows, [f32::INFINITY, f32::NEG_INFINITY]));
             if grid.nan_count() > 0 {
-                open_at_nan(v, n, m, &mut ranges);
+                open_at_nan(v, windows, &mut ranges);
             }
             ranges
         }
     }
 }
 
-/// Gives bricks with both NaN and other samples the range of the whole grid.
+/// Gives bricks with both NaN and other samples every scalar.
 ///
 /// A segment from one side of vacuum to the other spans scalars that neither side has, so empty-space skipping must
 /// not skip such bricks by their own range.
-fn open_at_nan(values: &[f32], n: [usize; 3], bricks: [usize; 3], ranges: &mut [[f32; 2]]) {
-    let whole = ranges
-        .iter()
-        .fold([f32::INFINITY, f32::NEG_INFINITY], |all, range| [all[0].min(range[0]), all[1].max(range[1])]);
+fn open_at_nan(values: &[f32], windows: Windows, ranges: &mut [[f32; 2]]) {
+    let [n, bricks] = [windows.dims, windows.bricks].map(|counts| counts.map(num::index));
     let side = num::index(BRICK);
     // Bricks along an axis whose window holds a sample's index.
     let around = |place: usize, bricks: usize| {
-        let first = place.saturating_sub(side + APRON).div_ceil(side);
-        first..=((place + APRON) / side).min(bricks - 1)
+        let last = (place + APRON).checked_sub(windows.first).map(|place| place / side);
+        let first = place.saturating_sub(windows.first + side + APRON).div_ceil(side);
+        first..last.map_or(0, |last| (last + 1).min(bricks))
     };
     for (i, _) in values.iter().enumerate().filter(|(_, value)| value.is_nan()) {
         let [x, y, z] = [i % n[0], i / n[0] % n[1], i / n[0] / n[1]];
@@ -69,18 +97,12 @@ fn open_at_nan(values: &[f32], n: [usize; 3], bricks: [usize; 3], ranges: &mut [
                 for bx in around(x, bricks[0]) {
                     let range = &mut ranges[(bz * bricks[1] + by) * bricks[0] + bx];
                     if range[0] <= range[1] {
-                        *range = whole;
+                        *range = [-f32::MAX, f32::MAX];
                     }
                 }
             }
         }
     }
-}
-
-/// Returns the samples that a brick covers along an axis of `n` samples.
-fn window(brick: usize, n: usize) -> std::ops::Range<usize> {
-    let side = num::index(BRICK);
-    (brick * side).saturating_sub(APRON)..(brick * side + side + 1 + APRON).min(n)
 }
 
 /// Finds the smallest and largest stored number of every brick, or `none` where every number is NaN.
@@ -89,10 +111,10 @@ fn window(brick: usize, n: usize) -> std::ops::Range<usize> {
 /// compiler vectorises, and the other axes have an eighth of the numbers left.
 fn extremes<T: Copy + PartialOrd>(
     values: &[T],
-    n: [usize; 3],
-    bricks: [usize; 3],
+    windows: Windows,
     none: [T; 2],
 ) -> Vec<[T; 2]> {
+    let [n, bricks] = [windows.dims, windows.bricks].map(|counts| counts.map(num::index));
     // Comparisons are written so that a NaN leaves `so_far` as it is.
     let low = |so_far: T, value: T| if value < so_far { value } else { so_far };
     let high = |so_far: T, value: T| if value > so_far { value } else { so_far };
@@ -105,7 +127,7 @@ fn extremes<T: Copy + PartialOrd>(
         for y in 0..bricks[1] {
             lows.fill(none[0]);
             highs.fill(none[1]);
-            let rows = window(y, n[1]);
+            let rows = windows.of(y, 1);
             for row in plane[rows.start * n[0]..rows.end * n[0]].chunks_exact(n[0]) {
                 for ((lo, hi), &value) in lows.iter_mut().zip(&mut highs).zip(row) {
                     *lo = low(*lo, value);
@@ -113,7 +135,7 @@ fn extremes<T: Copy + PartialOrd>(
                 }
             }
             planes.extend((0..bricks[0]).map(|x| {
-                let columns = window(x, n[0]);
+                let columns = windows.of(x, 0);
                 let lo = lows[columns.clone()].iter().fold(none[0], |a, &b| low(a, b));
                 let hi = highs[columns].iter().fold(none[1], |a, &b| high(a, b));
                 [lo, hi]
@@ -124,7 +146,7 @@ fn extremes<T: Copy + PartialOrd>(
     let area = bricks[0] * bricks[1];
     let mut ranges = vec![none; bricks[2] * area];
     for (z, layer) in ranges.chunks_exact_mut(area).enumerate() {
-        let depths = window(z, n[2]);
+        let depths = windows.of(z, 2);
         for plane in planes[depths.start * area..depths.end * area].chunks_exact(area) {
             for (range, other) in layer.iter_mut().zip(plane) {
                 *range = join(*range, other);

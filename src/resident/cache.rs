@@ -34,6 +34,11 @@ impl<K: Eq + Hash, V: Clone> Cache<K, V> {
         }
         Ok(value.insert(build()?).clone())
     }
+
+    /// Returns whether the value of a key is known, or is being built.
+    pub(crate) fn has(&self, key: &K) -> bool {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).contains_key(key)
+    }
 }
 
 #[cfg(test)]

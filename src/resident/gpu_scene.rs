@@ -13,10 +13,12 @@ use crate::resident::cache::Cache;
 use crate::resident::clock::{Clock, UploadTimes};
 use crate::resident::light;
 use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives};
+use crate::resident::pages::{BrickWords, PagePool, PageTable};
 use crate::resident::splats::trained::TrainedSet;
 use crate::resident::splats::{SplatNeeds, SplatSet};
 use crate::resident::surfaces::SurfaceData;
 use crate::resident::tables::{Integrator, Knots, SegmentOptions, TABLE_FORMAT, Table};
+use crate::resident::visible_scalars::nonzero_ranges;
 use crate::resident::volume::{Form, Layout, Volume};
 use crate::scene::grid::diagonal;
 use crate::scene::{
@@ -47,6 +49,8 @@ pub struct GpuScene {
 #[derive(Clone, Debug, Default)]
 struct GridData {
     volumes: Cache<Form, Arc<Volume>>,
+    /// Pools of pages, where the device has no room for the whole.
+    pools: Cache<Form, Arc<PagePool>>,
     ranges: Cache<(), BrickRanges>,
     /// The greatest scalar of each brick.
     greatest: Cache<(), Arc<Buffer>>,
@@ -55,8 +59,8 @@ struct GridData {
 /// Data that depends on the transfer function and the longest segment.
 #[derive(Clone, Debug, Default)]
 struct Tables {
-    /// One texel, for the binding of shaders that read no table.
-    no_table: Cache<(), Arc<Image>>,
+    /// A texel of a volume, or of a stack, for bindings that a variant of a shader leaves alone.
+    nothing: Cache<bool, Arc<Image>>,
     knots: Cache<(), Arc<Knots>>,
     tables: Cache<SegmentOptions, Option<Arc<Table>>>,
 }
@@ -66,6 +70,8 @@ struct Tables {
 struct VisibleData {
     /// Visible bricks, by margin.
     bricks: Cache<u32, VisibleBricks>,
+    /// Page tables, by form and margin; without a margin they tell the greatest scalars.
+    pages: Cache<(Form, Option<u32>), Arc<PageTable>>,
     /// Faces or cells that are drawn; with a margin only those of visible cells.
     primitives: Cache<(Primitives, Option<u32>), DrawnPrimitives>,
     /// Visible kernels, by kernel and the largest thickness of sheets in steps of the data.
@@ -289,6 +295,36 @@ impl GpuScene {
         })
     }
 
+    /// Returns the form in which a technique reads samples, and whether the device keeps them in pages.
+    pub(crate) fn form(&self, layout: Layout, for_filter: bool, mip: bool) -> Result<(Form, bool)> {
+        let grid = self.grid()?;
+        let form = Form::new(&self.gpu, grid, layout, for_filter, mip)?;
+        let pages = Form::new(&self.gpu, grid, Layout::Volume, for_filter, false)?;
+        let fits = self.gpu.page_pool().is_none()
+            && (self.grid.volumes.has(&form) || (!self.grid.pools.has(&pages) && form.fits(&self.gpu, grid)));
+        Ok(if fits { (form, false) } else { (pages, true) })
+    }
+
+    /// Returns the pool of the grid's pages.
+    pub(crate) fn page_pool(&self, form: Form) -> Result<Arc<PagePool>> {
+        let grid = self.grid()?;
+        self.grid.pools.get(form, || {
+            let bytes = self.gpu.page_pool().unwrap_or(self.gpu.memory_left() / 4 * 3);
+            PagePool::new(&self.gpu, grid, self.scene.transfer.domain(), form, bytes)
+        })
+    }
+
+    /// Returns the page table, with extinction smeared by `margin` scalars; without a margin bricks tell their greatest scalars.
+    pub(crate) fn page_table(&self, form: Form, margin: Option<f32>) -> Result<Arc<PageTable>> {
+        let pool = self.page_pool(form)?;
+        self.visible.pages.get((form, margin.map(f32::to_bits)), || {
+            pool.table(match margin {
+                Some(margin) => BrickWords::Visible { scalars: nonzero_ranges(&self.scene.transfer), margin },
+                None => BrickWords::Greatest,
+            })
+        })
+    }
+
     /// Returns the table that an integrator reads; `None` if it reads none.
     pub(crate) fn table(&self, options: &SegmentOptions) -> Result<Option<Arc<Table>>> {
         let (integrator, size) = (options.integrator, options.table_size());
@@ -320,10 +356,16 @@ impl GpuScene {
         let table = match (table.as_ref().and_then(|table| table.image.as_ref()), unread) {
             (Some(image), _) => image.sampled(filter),
             (None, Some(unread)) => unread,
-            (None, None) => self.tables.no_table.get((), || Table::nothing(&self.gpu))?.sampled(filter),
+            (None, None) => self.nothing(false)?,
         };
         let (integrator, placed) = (options.integrator.code(), matches!(self.scene.mode, Mode::Lit(_)));
         Ok(Segments { table, table_head, integrator, table_filter, placed })
+    }
+
+    /// Returns a texel of a volume, or of a stack, for bindings that a variant of a shader leaves alone.
+    pub(crate) fn nothing(&self, stack: bool) -> Result<Sampled> {
+        let image = self.tables.nothing.get(stack, || Table::nothing(&self.gpu, stack))?;
+        Ok(image.sampled(vk::Filter::NEAREST))
     }
 
     /// Returns the knots of the transfer function.

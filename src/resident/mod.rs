@@ -12,6 +12,7 @@ mod light;
 pub(crate) mod local_space;
 pub(crate) mod mesh;
 mod mips;
+pub(crate) mod pages;
 pub(crate) mod splats;
 pub(crate) mod surfaces;
 pub(crate) mod tables;

@@ -124,10 +124,11 @@ impl Table {
         Ok(Some(Arc::new(Self { buffer, image })))
     }
 
-    /// Uploads one texel, for the binding of shaders that read no table.
-    pub(crate) fn nothing(gpu: &Gpu) -> Result<Arc<Image>> {
-        let desc = ImageDesc::sampled_volume(TABLE_FORMAT, [1; 3]);
-        Image::with_data(gpu, "transfer.no-table", &desc, |_, _, memory| memory.fill(0))
+    /// Uploads a texel of a volume or of a stack, for bindings that a variant of a shader leaves alone.
+    pub(crate) fn nothing(gpu: &Gpu, stack: bool) -> Result<Arc<Image>> {
+        let volume = ImageDesc::sampled_volume(TABLE_FORMAT, [1; 3]);
+        let desc = if stack { ImageDesc::sampled_stack(TABLE_FORMAT, [1; 2], 2) } else { volume };
+        Image::with_data(gpu, "no texels", &desc, |_, _, memory| memory.fill(0))
     }
 }
 

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use ash::vk;
 
 use crate::error::Result;
-use crate::gpu::{Gpu, Image, ImageDesc};
+use crate::gpu::shader::PAGE_TEXELS;
+use crate::gpu::{Commands, Gpu, Image, ImageDesc};
 use crate::num::{self, f32_of};
 use crate::resident::bricks::{BRICK_BYTES, bricks_of, normalised};
 use crate::resident::mips;
@@ -77,6 +78,35 @@ impl Form {
         let (dims, along) = layout.texels(grid);
         Ok(Self { encoding, layout, levels: if mip { mips::levels(dims, along) } else { 1 } })
     }
+
+    /// Returns the bytes of a page.
+    pub(crate) fn page_bytes(self) -> usize {
+        num::index(PAGE_TEXELS).pow(3) * self.encoding.texel_bytes()
+    }
+
+    /// Writes samples of a grid as texels. `ends` are the first and last scalar of the transfer function, which infinite samples become.
+    pub(crate) fn encode(self, grid: &Grid, ends: [f64; 2], samples: &Samples, memory: &mut [u8]) {
+        Source { samples, rescale: grid.rescale(), ends, encoding: self.encoding }.encode(0, memory);
+    }
+
+    /// Describes the image of a grid, with its name.
+    fn image(self, grid: &Grid) -> (String, ImageDesc) {
+        let [w, h, d] = self.layout.texels(grid).0;
+        let format = self.encoding.format();
+        let (name, desc) = match self.layout {
+            Layout::Volume => ("volume".to_string(), ImageDesc::sampled_volume(format, [w, h, d])),
+            Layout::Stack(axis) => {
+                (format!("stack.{}", ["x", "y", "z"][axis % 3]), ImageDesc::sampled_stack(format, [w, h], d))
+            }
+        };
+        (name, ImageDesc { levels: self.levels, ..desc })
+    }
+
+    /// Returns whether the device has room for the image of a grid.
+    pub(crate) fn fits(self, gpu: &Gpu, grid: &Grid) -> bool {
+        let (name, desc) = self.image(grid);
+        gpu.check_image(&name, &desc).is_ok()
+    }
 }
 
 impl Layout {
@@ -113,18 +143,11 @@ impl Volume {
         gpu: &Gpu,
         grid: &Grid,
         ends: [f64; 2],
-        Form { encoding, layout, levels }: Form,
+        form: Form,
     ) -> Result<Arc<Self>> {
+        let Form { encoding, layout, levels } = form;
         let (dims, along) = layout.texels(grid);
-        let [w, h, d] = dims;
-        let format = encoding.format();
-        let (name, desc) = match layout {
-            Layout::Volume => ("volume".to_string(), ImageDesc::sampled_volume(format, dims)),
-            Layout::Stack(axis) => {
-                (format!("stack.{}", ["x", "y", "z"][axis % 3]), ImageDesc::sampled_stack(format, [w, h], d))
-            }
-        };
-        let desc = ImageDesc { levels, ..desc };
+        let (name, desc) = form.image(grid);
         // Checked before samples are reordered and averaged, which takes time.
         gpu.check_image(&name, &desc)?;
         let turned_samples;
@@ -144,10 +167,26 @@ impl Volume {
                 Some(smaller_level) => encoding.put(&smaller[smaller_level][first * plane..], memory),
             }
         })?;
+        Ok(Self::of(gpu, grid, encoding, image))
+    }
+
+    /// Makes an image with room for `slots` pages of a grid along each axis, all zeros.
+    pub(crate) fn pool(gpu: &Gpu, grid: &Grid, form: Form, slots: [u32; 3]) -> Result<Arc<Self>> {
+        let extent = slots.map(|n| n * PAGE_TEXELS);
+        let desc = ImageDesc::sampled_volume(form.encoding.format(), extent);
+        let image = Arc::new(Image::new(gpu, "page pool", &desc)?);
+        Commands::new(gpu)?.run("page pool", |recorder| {
+            recorder.clear_image("page pool", &image, [0.0; 4]);
+            recorder.release_image(&image);
+        })?;
+        Ok(Self::of(gpu, grid, form.encoding, image))
+    }
+
+    fn of(gpu: &Gpu, grid: &Grid, encoding: Encoding, image: Arc<Image>) -> Arc<Self> {
         let (scale, offset) = value_map(grid, encoding);
         let linear = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
-        let filterable = gpu.image_features(format).contains(linear);
-        Ok(Arc::new(Self { image, scale: f32_of(scale), offset: f32_of(offset), filterable }))
+        let filterable = gpu.image_features(encoding.format()).contains(linear);
+        Arc::new(Self { image, scale: f32_of(scale), offset: f32_of(offset), filterable })
     }
 }
 

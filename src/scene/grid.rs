@@ -255,6 +255,26 @@ impl Grid {
         self.infinite_count
     }
 
+    /// Returns the samples of a cube from a corner on; beyond the domain the nearest sample stands there.
+    pub(crate) fn cube(&self, corner: [i64; 3], side: u32) -> Samples {
+        fn cube<T: Copy>(values: &[T], dims: [usize; 3], corner: [i64; 3], side: i64) -> Vec<T> {
+            let places = |axis: usize| {
+                let last = i64::try_from(dims[axis]).unwrap_or(i64::MAX) - 1;
+                (corner[axis]..corner[axis] + side).map(move |i| usize::try_from(i.clamp(0, last)).unwrap_or(0))
+            };
+            let columns: Vec<usize> = places(0).collect();
+            let rows = places(2).flat_map(|z| places(1).map(move |y| (z * dims[1] + y) * dims[0]));
+            rows.flat_map(|row| columns.iter().map(move |x| values[row + x])).collect()
+        }
+        let (dims, side) = (self.dims.map(num::index), i64::from(side));
+        match &*self.samples {
+            Samples::U8(v) => Samples::U8(cube(v, dims, corner, side)),
+            Samples::U16(v) => Samples::U16(cube(v, dims, corner, side)),
+            Samples::I16(v) => Samples::I16(cube(v, dims, corner, side)),
+            Samples::F32(v) => Samples::F32(cube(v, dims, corner, side)),
+        }
+    }
+
     /// Returns the value of one sample after the rescale.
     ///
     /// # Panics

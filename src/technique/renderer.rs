@@ -198,7 +198,7 @@ impl Frames {
         if !self.plan.set_view(view)? {
             self.plan = self.renderer.prepare(view, &self.target)?;
         }
-        self.submit(view)
+        self.submit(view, Instant::now())
     }
 
     /// Waits for the frame that was started. A frame that lacked a capacity is drawn again.
@@ -207,7 +207,8 @@ impl Frames {
     ///
     /// Those of [`Frames::draw`]; [`Error::Invalid`] when no frame was started.
     pub fn finish(&mut self) -> Result<FrameTime> {
-        for _ in 0..MOST_TRIES {
+        let (mut tries, mut all) = (0, Vec::new());
+        while tries < MOST_TRIES {
             let Some(Started { recorded, view, begin }) = self.started.take() else {
                 return Err(Error::invalid("frames", "no frame was started"));
             };
@@ -217,12 +218,18 @@ impl Frames {
             }
             let wall_ms = begin.elapsed().as_secs_f64() * 1e3;
             let status = recorded.completed()?;
+            all.extend(status.passes);
             if status.complete {
                 self.drawn = true;
-                return Ok(FrameTime { wall_ms, passes: status.passes, counters: status.counters });
+                return Ok(FrameTime { wall_ms, passes: all, counters: status.counters });
             }
+            if self.plan.load()? {
+                self.submit(&view, begin)?;
+                continue;
+            }
+            (tries, all) = (tries + 1, Vec::new());
             self.plan = self.renderer.prepare(&view, &self.target)?;
-            self.submit(&view)?;
+            self.submit(&view, Instant::now())?;
         }
         Err(Error::unsupported(
             format!("{} of this view", self.renderer.technique.method().name()),
@@ -230,9 +237,8 @@ impl Frames {
         ))
     }
 
-    /// Records and submits the plan's view.
-    fn submit(&mut self, view: &View) -> Result<()> {
-        let begin = Instant::now();
+    /// Records and submits the plan's view, which was begun at a time.
+    fn submit(&mut self, view: &View, begin: Instant) -> Result<()> {
         let recorded = self.plan.record(self.commands.begin()?, None, None)?;
         // `commands` keeps the resources of the frame for as long as the submission may run.
         let image = self.plan.image().map(|(image, _)| &**image);

@@ -29,6 +29,7 @@ mod layers;
 mod meshes;
 mod off_centre;
 mod orientation;
+mod pages;
 mod prefilter;
 mod projected_tets;
 mod record;

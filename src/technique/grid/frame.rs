@@ -8,21 +8,22 @@ use std::sync::Arc;
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::dry_run::{draws, dry_run, passes};
-use crate::frame::prepared::Prepared;
+use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::Canvas;
-use crate::gpu::shader::{MARCH_CONTINUES, MARCH_WIDE, RASTER_BACK_TO_FRONT, RASTER_FIRST_SHIFT};
+use crate::gpu::shader::{MARCH_CONTINUES, MARCH_RESUMES, MARCH_WIDE, RASTER_BACK_TO_FRONT, RASTER_FIRST_SHIFT};
 use crate::gpu::{Attachment, Image, Recorder, TargetImage};
 use crate::interface::GridPush;
 use crate::num;
 use crate::resident::GpuScene;
 use crate::resident::tables::{Integrator, Knots, SegmentOptions};
-use crate::resident::volume::{Layout, Volume};
+use crate::resident::volume::{Form, Layout, Volume};
 use crate::scene::{Mode, View};
 use crate::technique::declare::Value as _;
 use crate::technique::declare::draw::{Draw, TechniqueOptions};
 use crate::technique::declare::{BlendOrder, Route, refused};
 use crate::technique::grid::cut::{Cut, cut};
 use crate::technique::grid::options::{Filter, Prefilter};
+use crate::technique::grid::paging::Paging;
 use crate::technique::grid::route::{Path, RouteDesc, Routed, Samples};
 use crate::technique::grid::technique::GridTechnique;
 
@@ -50,14 +51,34 @@ pub(crate) struct GridFrame {
     current: usize,
     cut: Cut,
     path: Path,
+    /// Of a grid that is kept in pages.
+    paging: Option<Paging>,
 }
 
-/// The samples that a frame reads: the whole volume, or the stack of the view first, and all stacks where the technique keeps them.
+/// Refuses what does not draw a grid in pages.
+fn check_paged(name: &str, technique: &dyn GridTechnique, route: Route, target: &Canvas) -> Result<()> {
+    let (what, instead) = if route == Route::Raster {
+        ("route=raster", "route=compute")
+    } else if technique.tolerance().is_some() {
+        ("tolerance", "step")
+    } else if technique.options().prefilter == Prefilter::Mip {
+        ("prefilter=mip", "prefilter=none")
+    } else if target.redrawn.is_some() {
+        ("refine", "resolution=full")
+    } else {
+        return Ok(());
+    };
+    let why = format!("device memory for the whole grid; {instead} draws grids in pages");
+    Err(Error::unsupported(format!("{name} {what}"), why))
+}
+
+/// The samples that a frame reads: the whole volume, or the stack of the view, and all stacks where the technique keeps them; or a pool of
+/// pages, with their form.
 fn volumes(
     scene: &GpuScene,
     technique: &dyn GridTechnique,
     axis: Option<usize>,
-) -> Result<Vec<(Option<usize>, Arc<Volume>)>> {
+) -> Result<(Vec<(Option<usize>, Arc<Volume>)>, Option<Form>)> {
     let options = technique.options();
     let axes: Vec<Option<usize>> = match axis {
         Some(axis) if technique.keeps_all_stacks() => {
@@ -67,10 +88,17 @@ fn volumes(
     };
     let hardware = options.filter == Filter::Hardware;
     let mip = options.prefilter == Prefilter::Mip;
-    let volume = |axis: Option<usize>| {
-        Ok((axis, scene.volume(axis.map_or(Layout::Volume, Layout::Stack), hardware, mip)?))
-    };
-    axes.into_iter().map(volume).collect()
+    let (form, paged) = scene.form(axis.map_or(Layout::Volume, Layout::Stack), hardware, mip)?;
+    if !paged {
+        let volume = |axis: Option<usize>| {
+            Ok((axis, scene.volume(axis.map_or(Layout::Volume, Layout::Stack), hardware, mip)?))
+        };
+        return Ok((axes.into_iter().map(volume).collect::<Result<_>>()?, None));
+    }
+    // A pool serves every axis.
+    let axes: Vec<_> = if axis.is_some() { [0, 1, 2].map(Some).to_vec() } else { vec![None] };
+    let volume = Arc::clone(&scene.page_pool(form)?.volume);
+    Ok((axes.into_iter().map(|axis| (axis, Arc::clone(&volume))).collect(), Some(form)))
 }
 
 impl<T: GridTechnique + TechniqueOptions + 'static> Draw for T {
@@ -107,8 +135,14 @@ impl GridFrame {
             ));
         }
         let axis = technique.stack_axis(grid, view, None);
-        let volumes = volumes(scene, technique.as_ref(), axis)?;
-        let Some((_, volume)) = volumes.first() else { return Err(Error::invalid(name, "no volume")) };
+        let (volumes, pages) = volumes(scene, technique.as_ref(), axis)?;
+        let current = volumes.iter().position(|&(of, _)| of == axis).unwrap_or(0);
+        let Some((_, volume)) = volumes.get(current) else { return Err(Error::invalid(name, "no volume")) };
+        if pages.is_some() {
+            check_paged(name, technique.as_ref(), route, target)?;
+        }
+        let margin = (scene.scene().mode != Mode::Maximum).then(|| scene.margin(technique.segments().as_ref()));
+        let paging = pages.map(|form| Paging::new(scene, name, form, margin, view)).transpose()?;
         let knots = scene.knots()?;
         let cut = cut(name, scene, technique.as_ref(), volume, &knots, view, axis)?;
         let desc = RouteDesc {
@@ -116,6 +150,7 @@ impl GridFrame {
             scene,
             technique: technique.as_ref(),
             volumes: &volumes,
+            paging: paging.as_ref(),
             knots: &knots,
             view,
             target,
@@ -126,7 +161,7 @@ impl GridFrame {
         };
         let measure = DepthMeasure::of_grid(grid);
         let scene = Arc::clone(scene);
-        Ok(Self { name, scene, measure, technique, knots, image, samples, current: 0, cut, path })
+        Ok(Self { name, scene, measure, technique, knots, image, samples, current, cut, path, paging })
     }
 
     /// Records the slabs of a view.
@@ -192,6 +227,18 @@ impl GridFrame {
                     push.order = march_order(samples.axis, false);
                     steps.record(recorder, push);
                 }
+                if let Some(paging) = &self.paging {
+                    push.seed = *slabs_per_dispatch;
+                    let mut resumes = paging.record_begin(recorder, name);
+                    for _ in 0..count.div_ceil(*slabs_per_dispatch).max(1) {
+                        push.order = march_order(samples.axis, false) | if resumes { MARCH_RESUMES } else { 0 };
+                        let push = bytemuck::bytes_of(&push);
+                        recorder.dispatch(&format!("{name}.march"), first, descriptors, push, groups.clone());
+                        resumes = true;
+                    }
+                    paging.record_end(recorder, name);
+                    return;
+                }
                 let mut begin = 0;
                 loop {
                     push.first = begin;
@@ -233,7 +280,9 @@ impl GridFrame {
         let passes = passes(&steps);
         // A march that did not need to resume cannot.
         let marches = match &self.path {
-            Path::Compute { resume: None, slabs_per_dispatch, .. } => cut.count <= *slabs_per_dispatch,
+            Path::Compute { resume: None, slabs_per_dispatch, .. } if self.paging.is_none() => {
+                cut.count <= *slabs_per_dispatch
+            }
             _ => true,
         };
         let fits = passes <= most_passes && marches;
@@ -245,7 +294,22 @@ impl Prepared for GridFrame {
     fn set_view(&mut self, view: &View, most_passes: u32) -> Result<bool> {
         let Some((cut, place)) = self.cut_of(view, most_passes)? else { return Ok(false) };
         (self.cut, self.current) = (cut, place);
+        if let Some(paging) = &mut self.paging {
+            paging.set_view(&self.scene, view)?;
+        }
         Ok(true)
+    }
+
+    fn load(&mut self) -> Result<bool> {
+        self.paging.as_ref().map_or(Ok(false), Paging::load)
+    }
+
+    fn resumes(&self) -> bool {
+        self.paging.as_ref().is_some_and(Paging::resumes)
+    }
+
+    fn outcome(&self) -> Option<Arc<dyn Outcome>> {
+        self.paging.as_ref().map(Paging::outcome)
     }
 
     fn suits(&self, view: &View, most_passes: u32) -> Result<bool> {

@@ -97,28 +97,32 @@ impl GridTechnique for Options {
             tile_step,
             counts,
             hit_depths,
+            paging,
         } = march;
         if grid.scene.scene().mode == Mode::Maximum {
-            let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+            let GridInputs { volume, pages, lattice, optics, bounded, .. } = grid;
             return Ok(MAXIMUM_COMPUTE.with(&Maximum {
                 accumulation,
                 resume,
                 volume,
+                pages,
                 bounded,
                 empty_space,
                 lattice,
                 by_list,
                 shown,
                 counts,
+                paging,
                 optics,
             }));
         }
         let segments = grid.segments(&self.segments)?;
-        let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
+        let GridInputs { volume, pages, lattice, optics, bounded, lighting, .. } = grid;
         Ok(RAYCAST_COMPUTE.with(&RaycastCompute {
             accumulation,
             resume,
             volume,
+            pages,
             bounded,
             empty_space,
             lattice,
@@ -129,6 +133,7 @@ impl GridTechnique for Options {
             tile_step,
             counts,
             hit_depths,
+            paging,
             optics,
             segments,
         }))
@@ -141,9 +146,10 @@ impl GridTechnique for Options {
     fn pilot(&self, grid: GridInputs<'_>, march: MarchInputs, pilots: Write) -> Result<Bound> {
         let segments = grid.segments(&self.segments)?;
         let MarchInputs { empty_space, layers, shown, counts, hit_depths, .. } = march;
-        let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
+        let GridInputs { volume, pages, lattice, optics, bounded, lighting, .. } = grid;
         Ok(RAYCAST_PILOT.with(&RaycastPilot {
             volume,
+            pages,
             bounded,
             empty_space,
             lattice,

@@ -27,6 +27,7 @@ use crate::technique::declare::{BlendOrder, EmptySpace, refused};
 use crate::technique::grid::blue_noise;
 use crate::technique::grid::dispatch_limits::{Loops, check_loops, slabs_per_dispatch};
 use crate::technique::grid::options::{Dither, Filter, Prefilter};
+use crate::technique::grid::paging::Paging;
 use crate::technique::grid::steps::TileSteps;
 use crate::technique::grid::technique::{GridInputs, GridTechnique, MarchInputs, Polygons};
 
@@ -85,6 +86,7 @@ impl TileIntervals {
             // A binding must hold something.
             pixels: list.as_ref().unwrap_or(&intervals).write(),
             accumulation: image.stored(),
+            pages: shader::Pages { pages: visible.around.read(), paged: false },
             by_tile_list: lists,
         };
         let find = pass(gpu, &format!("{name}.tiles"), &TILE_INTERVALS_COMPUTE.with(&inputs))?;
@@ -123,6 +125,7 @@ pub(super) struct RouteDesc<'a> {
     pub(super) name: &'static str,
     pub(super) technique: &'a dyn GridTechnique,
     pub(super) volumes: &'a [(Option<usize>, Arc<Volume>)],
+    pub(super) paging: Option<&'a Paging>,
     pub(super) knots: &'a Knots,
     pub(super) view: &'a View,
     pub(super) target: &'a Canvas,
@@ -140,9 +143,18 @@ impl RouteDesc<'_> {
         // A sampler may drop NaN.
         let filter_exact = options.filter == Filter::Exact || !volume.filterable || has_nan;
         let filter = if filter_exact { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
+        let samples = volume.image.sampled(filter);
+        let stacked = self.volumes.iter().any(|(axis, _)| axis.is_some());
+        let (volume, pool) = match self.paging {
+            Some(_) if stacked => (self.scene.nothing(true)?, samples),
+            _ => (samples, self.scene.nothing(false)?),
+        };
+        let unpaged = || shader::Pages { pages: self.knots.buffer.read(), paged: false };
         Ok(GridInputs {
             scene: self.scene,
-            volume: volume.image.sampled(filter),
+            volume,
+            pool,
+            pages: self.paging.map_or_else(unpaged, Paging::pages),
             lattice: shader::Lattice {
                 filter_exact,
                 has_nan,
@@ -197,7 +209,9 @@ impl RouteDesc<'_> {
         let greatest = scene.scene().mode == Mode::Maximum;
         // A variant that reads no bricks binds the knots in their place.
         let (mut bricks, mut tiles) = (Arc::clone(&knots.buffer), None);
-        if skips && greatest {
+        if let Some(paging) = self.paging.filter(|_| skips) {
+            bricks = Arc::clone(paging.bricks());
+        } else if skips && greatest {
             bricks = scene.greatest_scalars()?;
         } else if skips {
             let visible = scene.bricks(scene.margin(segments.as_ref()))?;
@@ -208,6 +222,8 @@ impl RouteDesc<'_> {
         }
         let list = tiles.as_ref().and_then(|tiles| tiles.list.as_ref());
         let intervals = tiles.as_ref().map_or(&knots.buffer, |tiles| &tiles.intervals);
+        // A word of the plan's own, as for hit depths.
+        let unwritten = &self.target.hit_depths;
         let inputs = |steps: Option<&TileSteps>, resume: bool| MarchInputs {
             accumulation: image.stored(),
             resume,
@@ -221,6 +237,10 @@ impl RouteDesc<'_> {
             },
             counts: self.target.counts(&knots.buffer),
             hit_depths: self.target.hit_depths(),
+            paging: match self.paging {
+                Some(paging) => paging.paging(),
+                None => shader::Paging { wanted: unwritten.write(), rays: unwritten.write() },
+            },
         };
         let steps = match technique.tolerance() {
             Some(_) if greatest => {
@@ -250,7 +270,7 @@ impl RouteDesc<'_> {
         };
         let volume = self.first()?;
         let first = gpu.compute_pipeline(&format!("{name}.march"), &bind(self.inputs(volume)?, false)?)?;
-        let resume = if slabs > slabs_per_dispatch {
+        let resume = if slabs > slabs_per_dispatch && self.paging.is_none() {
             let bound = bind(self.inputs(volume)?, true)?;
             Some(gpu.compute_pipeline(&format!("{name}.march.resume"), &bound)?)
         } else {

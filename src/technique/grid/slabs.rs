@@ -86,9 +86,9 @@ impl GridTechnique for Options {
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let segments = grid.segments(&self.segments)?;
-        let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
+        let GridInputs { volume, pages, lattice, optics, bounded, lighting, .. } = grid;
         let MarchInputs {
-            accumulation, resume, empty_space, layers, by_list, shown, counts, hit_depths, ..
+            accumulation, resume, empty_space, layers, by_list, shown, counts, hit_depths, paging, ..
         } = march;
         let clip_ends = true;
         Ok(SLABS_COMPUTE.with(&SlabsCompute {
@@ -96,6 +96,7 @@ impl GridTechnique for Options {
             resume,
             clip_ends,
             volume,
+            pages,
             bounded,
             empty_space,
             lattice,
@@ -105,6 +106,7 @@ impl GridTechnique for Options {
             shown,
             counts,
             hit_depths,
+            paging,
             optics,
             segments,
         }))
@@ -112,13 +114,14 @@ impl GridTechnique for Options {
 
     fn polygons(&self, grid: GridInputs<'_>, blend: Option<Blend>) -> Result<Option<Polygons>> {
         let segments = grid.segments(&self.segments)?;
-        let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
+        let GridInputs { volume, pages, lattice, optics, bounded, lighting, .. } = grid;
         let clip_ends = true;
         let vertex = SLABS_VERTEX.with(&SlabsVertex { clip_ends });
         let fragment = match blend {
             Some(blend) => SLABS_SHADER_BLEND.with(&SlabsShaderBlend {
                 clip_ends,
                 volume,
+                pages,
                 blend,
                 bounded,
                 lattice,
@@ -129,6 +132,7 @@ impl GridTechnique for Options {
             None => SLABS_FRAGMENT.with(&SlabsFragment {
                 clip_ends,
                 volume,
+                pages,
                 bounded,
                 lattice,
                 lighting,

@@ -94,15 +94,16 @@ impl GridTechnique for Options {
     }
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
-        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
+        let GridInputs { volume, pool, pages, lattice, optics, bounded, .. } = grid;
         let MarchInputs {
-            accumulation, resume, empty_space, layers, by_list, shown, counts, hit_depths, ..
+            accumulation, resume, empty_space, layers, by_list, shown, counts, hit_depths, paging, ..
         } = march;
-        let stack = Stack { volume, between: self.between };
+        let stack = Stack { volume, pool, between: self.between };
         Ok(SLICES_2D_COMPUTE.with(&Slices2dCompute {
             accumulation,
             resume,
             bounded,
+            pages,
             empty_space,
             lattice,
             layers,
@@ -110,20 +111,21 @@ impl GridTechnique for Options {
             shown,
             counts,
             hit_depths,
+            paging,
             optics,
             stack,
         }))
     }
 
     fn polygons(&self, grid: GridInputs<'_>, blend: Option<Blend>) -> Result<Option<Polygons>> {
-        let GridInputs { volume, lattice, optics, bounded, .. } = grid;
-        let stack = Stack { volume, between: self.between };
+        let GridInputs { volume, pool, pages, lattice, optics, bounded, .. } = grid;
+        let stack = Stack { volume, pool, between: self.between };
         let vertex = SLICES_2D_VERTEX.with(&Slices2dVertex {});
         let fragment = match blend {
             Some(blend) => {
-                SLICES_2D_SHADER_BLEND.with(&Slices2dShaderBlend { blend, bounded, lattice, optics, stack })
+                SLICES_2D_SHADER_BLEND.with(&Slices2dShaderBlend { blend, pages, bounded, lattice, optics, stack })
             }
-            None => SLICES_2D_FRAGMENT.with(&Slices2dFragment { bounded, lattice, optics, stack }),
+            None => SLICES_2D_FRAGMENT.with(&Slices2dFragment { pages, bounded, lattice, optics, stack }),
         };
         let topology = vk::PrimitiveTopology::TRIANGLE_LIST;
         Ok(Some(Polygons { bound: vertex.and(fragment), topology, vertices: 36 }))

@@ -85,9 +85,9 @@ impl GridTechnique for Options {
     }
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
-        let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
+        let GridInputs { volume, pages, lattice, optics, bounded, lighting, .. } = grid;
         let MarchInputs {
-            accumulation, resume, empty_space, layers, by_list, shown, counts, hit_depths, ..
+            accumulation, resume, empty_space, layers, by_list, shown, counts, hit_depths, paging, ..
         } = march;
         let clip_ends = self.ends == Ends::Clip;
         Ok(SLICES_3D_COMPUTE.with(&Slices3dCompute {
@@ -95,6 +95,7 @@ impl GridTechnique for Options {
             resume,
             clip_ends,
             volume,
+            pages,
             bounded,
             empty_space,
             lattice,
@@ -104,18 +105,20 @@ impl GridTechnique for Options {
             shown,
             counts,
             hit_depths,
+            paging,
             optics,
         }))
     }
 
     fn polygons(&self, grid: GridInputs<'_>, blend: Option<Blend>) -> Result<Option<Polygons>> {
-        let GridInputs { volume, lattice, optics, bounded, lighting, .. } = grid;
+        let GridInputs { volume, pages, lattice, optics, bounded, lighting, .. } = grid;
         let clip_ends = self.ends == Ends::Clip;
         let vertex = SLICES_3D_VERTEX.with(&Slices3dVertex { clip_ends });
         let fragment = match blend {
             Some(blend) => SLICES_3D_SHADER_BLEND.with(&Slices3dShaderBlend {
                 clip_ends,
                 volume,
+                pages,
                 blend,
                 bounded,
                 lattice,
@@ -125,6 +128,7 @@ impl GridTechnique for Options {
             None => SLICES_3D_FRAGMENT.with(&Slices3dFragment {
                 clip_ends,
                 volume,
+                pages,
                 bounded,
                 lattice,
                 lighting,

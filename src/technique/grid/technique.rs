@@ -5,7 +5,7 @@ use ash::vk;
 use crate::error::{Error, Result};
 use crate::gpu::inputs::{Stored, Write};
 use crate::gpu::shader::{
-    Blend, Bounded, ByList, Counts, EmptySpace, HitDepths, Lattice, Layers, Lighting, Optics, Segments,
+    Blend, Bounded, ByList, Counts, EmptySpace, HitDepths, Lattice, Layers, Lighting, Optics, Pages, Paging, Segments,
     Shown, TileStep,
 };
 use crate::gpu::{Bound, Sampled};
@@ -20,8 +20,11 @@ use crate::technique::grid::rays::GridRays;
 #[derive(Clone, Debug)]
 pub(crate) struct GridInputs<'a> {
     pub(crate) scene: &'a GpuScene,
-    /// The samples: a volume or a stack.
+    /// The samples: a volume, a stack or a pool of pages.
     pub(crate) volume: Sampled,
+    /// The pool of pages, of techniques of stacks.
+    pub(crate) pool: Sampled,
+    pub(crate) pages: Pages,
     pub(crate) lattice: Lattice,
     pub(crate) optics: Optics,
     pub(crate) bounded: Bounded,
@@ -50,6 +53,7 @@ pub(crate) struct MarchInputs {
     pub(crate) tile_step: TileStep,
     pub(crate) counts: Counts,
     pub(crate) hit_depths: HitDepths,
+    pub(crate) paging: Paging,
 }
 
 /// Shaders that draw slabs as polygons.

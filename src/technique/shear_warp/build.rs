@@ -8,12 +8,12 @@ use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::target::{Canvas, draws_directly, own_image};
 use crate::gpu::shader::{
-    EmptySpace as Skipping, Lattice, Optics, SHEAR_WARP_COMPUTE, SHEAR_WARP_EDGE, SHEAR_WARP_FRAGMENT,
+    EmptySpace as Skipping, Lattice, Optics, Pages, SHEAR_WARP_COMPUTE, SHEAR_WARP_EDGE, SHEAR_WARP_FRAGMENT,
     SHEAR_WARP_VERTEX, Segments, ShearWarpCompute, ShearWarpEdge, ShearWarpFragment, ShearWarpVertex,
     Stack as StackInputs, WARP_BICUBIC, WARP_BILINEAR, WARP_BOUNDED, WARP_COMPUTE, WARP_FRAGMENT, WARP_HALVE,
     WARP_MIP, WARP_VERTEX, WarpBounded, WarpCompute, WarpFragment, WarpHalve, WarpVertex,
 };
-use crate::gpu::{Blend, Bound, Buffer, Descriptors, Gpu, GraphicsState, Image, ImageDesc, Pipeline};
+use crate::gpu::{Blend, Bound, Sampled, Buffer, Descriptors, Gpu, GraphicsState, Image, ImageDesc, Pipeline};
 use crate::interface::WarpPush;
 use crate::num;
 use crate::primitives::dispatch::buffer;
@@ -49,6 +49,9 @@ struct Sampling {
     filter: vk::Filter,
     lattice: Lattice,
     optics: Optics,
+    /// Stand-ins: stacks are whole.
+    pages: Pages,
+    no_pool: Sampled,
     integration: Segments,
     between: bool,
     /// Whether a slab holds several slices.
@@ -171,6 +174,8 @@ impl Sampling {
             // Stacks have no mip levels here: the warp averages texels instead.
             lattice: Lattice { filter_exact: exact, has_nan, prefilter: false },
             optics: knots.optics(),
+            pages: Pages { pages: knots.buffer.read(), paged: false },
+            no_pool: scene.nothing(false)?,
             integration: scene.segments(&options.segments, options.grid.filter == Filter::Hardware, None)?,
             between: options.between,
             every: options.every > 1,
@@ -180,7 +185,7 @@ impl Sampling {
 
     /// The inputs of shaders that sample a stack.
     fn stack(&self, volume: &Volume) -> StackInputs {
-        StackInputs { volume: volume.image.sampled(self.filter), between: self.between }
+        StackInputs { volume: volume.image.sampled(self.filter), pool: self.no_pool.clone(), between: self.between }
     }
 }
 
@@ -242,6 +247,7 @@ impl Build<'_> {
         check_loops(gpu, NAME, &Loops::new(&sampling.knots, sampling.segments.as_ref(), false))?;
         let bind = |volume: &Volume| {
             SHEAR_WARP_VERTEX.with(&ShearWarpVertex {}).and(SHEAR_WARP_FRAGMENT.with(&ShearWarpFragment {
+ pages: self.sampling.pages.clone(),
                 texel_bounds: texel_bounds.read(),
                 bounded: self.target.bounds.is_some(),
                 every: sampling.every,
@@ -291,6 +297,7 @@ impl Build<'_> {
         };
         let bind = |volume: &Volume, resume: bool| {
             SHEAR_WARP_COMPUTE.with(&ShearWarpCompute {
+ pages: self.sampling.pages.clone(),
                 intermediate: self.intermediate.buffer.write(),
                 texel_bounds: texel_bounds.read(),
                 bounded: self.target.bounds.is_some(),
@@ -381,6 +388,7 @@ impl Build<'_> {
             let stack = sampling.stack(volume);
             move |resume: bool| {
                 SHEAR_WARP_EDGE.with(&ShearWarpEdge {
+ pages: self.sampling.pages.clone(),
                     accumulation: image.stored(),
                     edges: bounds.edge_pixels.read(),
                     every: sampling.every,

@@ -77,6 +77,7 @@ impl Workbench {
             storage_range: options.storage_range.or(given.storage_range),
             allocation_size: options.allocation_size.or(given.allocation_size),
             memory_budget: options.memory_budget.or(given.memory_budget),
+            page_pool: options.page_pool.or(given.page_pool),
             command_buffer_by_pass: options.command_buffer_by_pass,
             validation,
             validation_log: Some(Arc::clone(&self.log)),

@@ -1,0 +1,100 @@
+// A grid in pages of PAGE cells a side: the device holds those that rays need, in the slots of a pool. The page table says where.
+//
+// A page has an apron of one sample, so that interpolation and central differences in its cells need no other page. Beyond the domain the
+// nearest sample stands there.
+//
+// Source: Hadwiger et al., Interactive Volume Exploration of Petascale Microscopy Data Streams, 2012 (page table, requests of rays).
+#ifndef PAGES_GLSL
+#define PAGES_GLSL
+
+#include "interface.glsl"
+#include "shared/device.glsl"
+#include "shared/integers.glsl"
+#include "shared/interpolated.glsl"
+#include "frame/counts.glsl"
+#include "grid/lattice.glsl"
+
+layout(constant_id = SPEC_PAGED) const bool PAGED = false;
+
+// PAGES_FIRST words of the pool, then a PAGE_* word for each page, x fastest.
+layout(set = 0, binding = BINDING_PAGES, std430) readonly buffer Pages { uint page_words[]; };
+
+// 1 and the number of the last page that this invocation has missed; 0: none.
+uint missed_page = 0u;
+
+// Returns whether a look-up has found no page: what came from it is no sample.
+bool has_missed() {
+    return PAGED && missed_page != 0u;
+}
+
+// Returns the steps from a thing to the next along each axis in a list that is x fastest, in an index space whose z is axis `axis` of the
+// grid and whose other axes follow cyclically.
+ivec3 strides_of(ivec3 count, uint axis) {
+    return axis == 2u ? ivec3(1, count.x, count.x * count.y)
+         : axis == 0u ? ivec3(count.z, count.z * count.x, 1)
+                      : ivec3(count.y * count.z, 1, count.y);
+}
+
+// Returns the steps from page to page of a domain.
+ivec3 page_strides(vec3 half_size, uint axis) {
+    return strides_of(max(ivec3(ceil(2.0 * half_size / float(PAGE) - 1e-3)), ivec3(1)), axis);
+}
+
+// Returns the place of the slot of a page in the pool.
+ivec3 slot_of(uint word) {
+    return ivec3(word & 0xffu, word >> 8 & 0xffu, word >> 16 & 0xffu);
+}
+
+// Finds the page of the cell at an index of the grid, none of whose components is below 0. Returns whether it is held; then a texel of the pool
+// is `first` beyond its index.
+bool find_page(vec3 index, ivec3 strides, out vec3 first) {
+    ivec3 page = whole_of(index / float(PAGE));
+    int number = page.x * strides.x + page.y * strides.y + page.z * strides.z;
+    uint word = page_words[PAGES_FIRST + number];
+    first = vec3(slot_of(word) * PAGE_TEXELS + 1 - page * PAGE);
+    bool held = (word & PAGE_HELD) != 0u;
+    if (!held) missed_page = uint(number) + 1u;
+    return held;
+}
+
+// Interpolates between the eight texels from i to j at one level.
+float between_texels(sampler3D texels, ivec3 i, ivec3 j, vec3 w, int level) {
+    taken_fetches += 8u;
+    float v000 = texelFetch(texels, i, level).r;
+    float v100 = texelFetch(texels, ivec3(j.x, i.y, i.z), level).r;
+    float v010 = texelFetch(texels, ivec3(i.x, j.y, i.z), level).r;
+    float v110 = texelFetch(texels, ivec3(j.x, j.y, i.z), level).r;
+    float v001 = texelFetch(texels, ivec3(i.x, i.y, j.z), level).r;
+    float v101 = texelFetch(texels, ivec3(j.x, i.y, j.z), level).r;
+    float v011 = texelFetch(texels, ivec3(i.x, j.y, j.z), level).r;
+    float v111 = texelFetch(texels, j, level).r;
+    float low = interpolated(interpolated(v000, v100, w.x), interpolated(v010, v110, w.x), w.y);
+    float high = interpolated(interpolated(v001, v101, w.x), interpolated(v011, v111, w.x), w.y);
+    return interpolated(low, high, w.z);
+}
+
+// Returns the stored value at an offset, of at most a cell along each axis, from an index of the grid, on whose page it is found. `last` is the
+// greatest index. Returns 0 where that page is missed.
+float stored_on_page(sampler3D pool, vec3 index, vec3 offset, vec3 last, Lattice lattice) {
+    vec3 first;
+    if (!find_page(clamp(floor(index), vec3(0.0), last - 1.0), lattice.pages, first)) return 0.0;
+    index = clamp(index + offset, vec3(0.0), last);
+    if (!FILTER_EXACT) {
+        ++taken_fetches;
+        vec3 coordinate = (index + first + 0.5) * lattice.texel;
+        return textureLod(pool, sampled_at(coordinate, vec3(textureSize(pool, 0))), 0.0).r;
+    }
+    vec3 base = min(floor(index), last - 1.0);
+    ivec3 i = whole_of(base + first);
+    return between_texels(pool, i, i + 1, index - base, 0);
+}
+
+// Returns parameters of reconstruction with those of a pool of pages.
+Lattice with_pool(Lattice lattice, sampler3D pool, vec3 half_size) {
+    if (!PAGED) return lattice;
+    lattice.pages = page_strides(half_size, 2u);
+    lattice.texel = 1.0 / vec3(textureSize(pool, 0));
+    return lattice;
+}
+
+#endif

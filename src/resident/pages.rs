@@ -1,0 +1,389 @@
+//! A grid in pages (`glsl/grid/pages.glsl`): the pool on the device that holds the pages which rays need, and the page tables that say
+//! where. Rays name the pages that they miss; the host loads them between frames.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::gpu::shader::{PAGE, PAGE_BRICKS, PAGE_HELD, PAGE_HIDDEN, PAGE_TEXELS, PAGES_FIRST};
+use crate::gpu::sync::Use;
+use crate::gpu::{Buffer, BufferUse, Commands, Gpu, Recorder};
+use crate::num;
+use crate::resident::bricks::page_ranges;
+use crate::resident::volume::{Form, Volume};
+use crate::scene::{Grid, View};
+
+/// Bricks of a page.
+const BRICKS: u32 = PAGE_BRICKS * PAGE_BRICKS * PAGE_BRICKS;
+
+/// Slots along an axis that a page's word can name.
+const MOST_SLOTS: u32 = 256;
+
+/// Returns the number of pages along each axis of a grid.
+fn pages_of(dims: [u32; 3]) -> [u32; 3] {
+    dims.map(|n| n.saturating_sub(1).div_ceil(PAGE).max(1))
+}
+
+/// Returns the product of extents.
+fn product(extents: [u32; 3]) -> u32 {
+    extents.iter().fold(1, |n, &extent| n.saturating_mul(extent))
+}
+
+/// Returns the place of a number in a box that is x fastest.
+fn place_of(number: u32, [across, rows, _]: [u32; 3]) -> [u32; 3] {
+    [number % across, number / across % rows, number / across / rows]
+}
+
+/// The numbers that the words of bricks hold.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum BrickWords {
+    /// 1 where one of these ranges of scalars, widened by a margin, occurs; else 0.
+    Visible { scalars: Vec<[f32; 2]>, margin: f32 },
+    /// The bits of the greatest scalar.
+    Greatest,
+}
+
+impl BrickWords {
+    /// Returns the word of a brick, or of a page, with a range of scalars.
+    fn of(&self, range: [f32; 2]) -> u32 {
+        match self {
+            Self::Greatest => range[1].to_bits(),
+            Self::Visible { scalars, margin } => {
+                let meets = |scalars: &[f32; 2]| {
+                    scalars[1] + margin >= range[0] && scalars[0] - margin <= range[1]
+                };
+                u32::from(range[0] <= range[1] && scalars.iter().any(meets))
+            }
+        }
+    }
+
+    /// Returns whether nothing is visible in a page with a range of scalars.
+    fn hides(&self, range: Option<[f32; 2]>) -> bool {
+        *self != Self::Greatest && range.is_some_and(|range| self.of(range) == 0)
+    }
+}
+
+/// The page table of a transfer function on the device.
+#[derive(Debug)]
+pub(crate) struct PageTable {
+    says: BrickWords,
+    /// Words of the pool and of each page.
+    pub(crate) words: Arc<Buffer>,
+    /// Words of the bricks in each slot.
+    pub(crate) bricks: Arc<Buffer>,
+}
+
+/// The pages of a grid that the device holds.
+#[derive(Debug)]
+pub(crate) struct PagePool {
+    gpu: Gpu,
+    grid: Grid,
+    /// First and last scalar of the transfer function, which infinite samples become.
+    ends: [f64; 2],
+    form: Form,
+    /// The image of the slots.
+    pub(crate) volume: Arc<Volume>,
+    slots: [u32; 3],
+    pages: [u32; 3],
+    state: Mutex<State>,
+}
+
+#[derive(Debug)]
+struct State {
+    /// For each page 1 and its slot; 0 where it is not held.
+    slot_of: Vec<u32>,
+    /// The page in each slot.
+    page_in: Vec<Option<u32>>,
+    /// Ranges of the bricks in each slot.
+    bricks_in: Vec<Vec<[f32; 2]>>,
+    /// The range of scalars of each page that has been read.
+    ranges: Vec<Option<[f32; 2]>>,
+    tables: Vec<Weak<PageTable>>,
+    /// Pages whose words in the tables are not those of this state yet.
+    changed: Vec<u32>,
+    staging: Arc<Buffer>,
+    /// Bytes of samples and number of pages read so far.
+    read: [u64; 2],
+    // Last, because dropping it waits for the submission that reads the fields above.
+    commands: Commands,
+}
+
+/// A page that has been read.
+struct Page {
+    number: u32,
+    texels: Vec<u8>,
+    bricks: Vec<[f32; 2]>,
+}
+
+impl Page {
+    /// Returns the range of all bricks.
+    fn range(&self) -> [f32; 2] {
+        let none = [f32::INFINITY, f32::NEG_INFINITY];
+        self.bricks.iter().fold(none, |all, brick| [all[0].min(brick[0]), all[1].max(brick[1])])
+    }
+}
+
+/// The order in which rays of a view meet pages: no ray meets a page after one with a greater key.
+///
+/// Along each axis a ray only departs from the page of the eye, so the sum of distances along the axes grows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PageOrder {
+    /// The page of the eye.
+    eye: Option<[f64; 3]>,
+    /// Signs of the direction of parallel rays.
+    signs: [f64; 3],
+}
+
+impl PageOrder {
+    /// Derives the order from a view of a grid.
+    pub(crate) fn new(grid: &Grid, view: &View) -> Self {
+        let to_index = grid.index_to_world().inverse();
+        let page = |at: DVec3| (at / f64::from(PAGE)).floor().to_array();
+        let eye = view.is_perspective().then(|| page(to_index * (view.camera().eye - grid.origin())));
+        let sign = |x: f64| if x == 0.0 { 0.0 } else { x.signum() };
+        Self { eye, signs: (to_index * view.ahead()).to_array().map(sign) }
+    }
+
+    fn key(&self, place: [u32; 3]) -> f64 {
+        let place = place.map(f64::from);
+        let along = |axis: usize| match self.eye {
+            Some(eye) => (place[axis] - eye[axis]).abs(),
+            None => self.signs[axis] * place[axis],
+        };
+        along(0) + along(1) + along(2)
+    }
+}
+
+impl PagePool {
+    /// Makes a pool of at most `bytes` for a grid, which holds nothing yet.
+    pub(crate) fn new(gpu: &Gpu, grid: &Grid, ends: [f64; 2], form: Form, bytes: u64) -> Result<Arc<Self>> {
+        let pages = pages_of(grid.dims());
+        let page_bytes = num::wide(form.page_bytes().next_multiple_of(4));
+        let most = u32::try_from(bytes / page_bytes).unwrap_or(u32::MAX).clamp(1, product(pages));
+        let slots = slots_of(most, gpu.limits().max_image_dimension3_d / PAGE_TEXELS)
+            .ok_or_else(|| Error::unsupported("pages", "3D images are too small for one page"))?;
+        let volume = Volume::pool(gpu, grid, form, slots)?;
+        let batch = (bytes / 8).min(gpu.staging_bytes()) / page_bytes;
+        let staging = Buffer::new(gpu, "pages (staging)", batch.max(1) * page_bytes, BufferUse::Upload)?;
+        let count = num::index(product(pages));
+        let state = State {
+            slot_of: vec![0; count],
+            page_in: vec![None; num::index(product(slots))],
+            bricks_in: vec![Vec::new(); num::index(product(slots))],
+            ranges: vec![None; count],
+            tables: Vec::new(),
+            changed: Vec::new(),
+            staging: Arc::new(staging),
+            read: [0; 2],
+            commands: Commands::new(gpu)?,
+        };
+        let (gpu, grid) = (gpu.clone(), grid.clone());
+        Ok(Arc::new(Self { gpu, grid, ends, form, volume, slots, pages, state: Mutex::new(state) }))
+    }
+
+    /// Returns the number of pages of the grid.
+    pub(crate) fn pages(&self) -> u32 {
+        product(self.pages)
+    }
+
+    /// Makes the page table of a transfer function.
+    pub(crate) fn table(&self, says: BrickWords) -> Result<Arc<PageTable>> {
+        let mut state = self.state();
+        let header = [self.slots[0], self.slots[1]];
+        let pages = (0..self.pages()).map(|page| self.word(&state, &says, page));
+        let words: Vec<u32> = header.into_iter().chain(pages).collect();
+        let words = Buffer::with_data(&self.gpu, "pages", bytemuck::cast_slice(&words))?;
+        let slot = |ranges: &Vec<[f32; 2]>| match ranges.as_slice() {
+            [] => vec![0; num::index(BRICKS)],
+            ranges => ranges.iter().map(|&range| says.of(range)).collect(),
+        };
+        let bricks: Vec<u32> = state.bricks_in.iter().flat_map(slot).collect();
+        let bricks = Buffer::with_data(&self.gpu, "pages.bricks", bytemuck::cast_slice(&bricks))?;
+        let table = Arc::new(PageTable { says, words, bricks });
+        state.tables.retain(|table| table.strong_count() > 0);
+        state.tables.push(Arc::downgrade(&table));
+        Ok(table)
+    }
+
+    /// Returns the word of a page.
+    fn word(&self, state: &State, says: &BrickWords, page: u32) -> u32 {
+        let hidden = if says.hides(state.ranges[num::index(page)]) { PAGE_HIDDEN } else { 0 };
+        let held = state.slot_of[num::index(page)].checked_sub(1).map_or(0, |slot| {
+            let [x, y, z] = place_of(slot, self.slots);
+            PAGE_HELD | x | y << 8 | z << 16
+        });
+        hidden | held
+    }
+
+    /// Returns the bytes of samples and the number of pages that have been read so far.
+    pub(crate) fn read(&self) -> [u64; 2] {
+        self.state().read
+    }
+
+    /// Loads pages that rays miss, in the order in which rays meet them, as far as there are slots; those that rays have passed, and then the
+    /// farthest, make room. Returns whether a page is held now, or known to be hidden, that was not. Submits and waits.
+    ///
+    /// Frames in flight are not disturbed: the submission waits for those before it on the queue.
+    pub(crate) fn load(&self, wanted: &[u32], order: &PageOrder) -> Result<bool> {
+        let mut state = self.state();
+        let state = &mut *state;
+        let key = |page: u32| order.key(place_of(page, self.pages));
+        let mut wanted: Vec<u32> =
+            wanted.iter().copied().filter(|&page| state.slot_of.get(num::index(page)) == Some(&0)).collect();
+        wanted.sort_by(|&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
+        wanted.dedup();
+        let Some(&first) = wanted.first() else { return Ok(false) };
+
+        // Slots in the order in which they are given up: free ones, those of pages that all rays have passed, the farthest ones.
+        let mut slots: Vec<(u32, f64)> = (0..product(self.slots))
+            .map(|slot| (slot, state.page_in[num::index(slot)].map_or(f64::NEG_INFINITY, key)))
+            .collect();
+        let passed = |at: f64| at <= key(first);
+        let rank = |at: f64| if passed(at) { (0, at) } else { (1, -at) };
+        slots.sort_by(|a, b| rank(a.1).partial_cmp(&rank(b.1)).unwrap_or(std::cmp::Ordering::Equal));
+        let pairs = wanted.into_iter().zip(slots).take_while(|&(page, (_, at))| passed(at) || at > key(page));
+        let pairs: Vec<(u32, u32)> = pairs.map(|(page, (slot, _))| (page, slot)).collect();
+
+        let batch = num::usize_of_u64(state.staging.size()) / self.page_bytes();
+        for pairs in pairs.chunks(batch.max(1)) {
+            let read = |&(number, slot): &(u32, u32)| Ok((self.read_page(number)?, slot));
+            let pages = pairs.par_iter().map(read).collect::<Result<Vec<_>>>()?;
+            let mut loaded = Vec::new();
+            for (page, slot) in pages {
+                state.read[0] += num::wide(page.texels.len());
+                state.read[1] += 1;
+                let range = page.range();
+                let is_new = state.ranges[num::index(page.number)].replace(range).is_none();
+                let hides = |table: &Weak<PageTable>| {
+                    table.upgrade().is_none_or(|table| table.says.hides(Some(range)))
+                };
+                // A hidden page makes no other leave, unless a ray samples it all the same.
+                let stays_out = is_new
+                    && state.page_in[num::index(slot)].is_some()
+                    && state.tables.iter().all(hides);
+                loaded.push((page, Some(slot).filter(|_| !stays_out)));
+            }
+            self.upload(state, loaded)?;
+        }
+        Ok(!pairs.is_empty())
+    }
+
+    /// Bytes of a page in a staging buffer.
+    fn page_bytes(&self) -> usize {
+        self.form.page_bytes().next_multiple_of(4)
+    }
+
+    fn read_page(&self, number: u32) -> Result<Page> {
+        let first = place_of(number, self.pages).map(|place| i64::from(place) * i64::from(PAGE) - 1);
+        let samples = self.grid.cube(first, PAGE_TEXELS);
+        let bricks = page_ranges(&self.grid, &samples);
+        let mut texels = vec![0; self.form.page_bytes()];
+        self.form.encode(&self.grid, self.ends, &samples, &mut texels);
+        Ok(Page { number, texels, bricks })
+    }
+
+    /// Puts pages into slots, and changes the tables; a page without a slot only tells its range.
+    fn upload(&self, state: &mut State, pages: Vec<(Page, Option<u32>)>) -> Result<()> {
+        let memory = Arc::get_mut(&mut state.staging).and_then(Buffer::bytes_mut);
+        let Some(memory) = memory else {
+            return Err(Error::invalid("pages", "staging memory is not visible to the host"));
+        };
+        let mut places = memory.chunks_exact_mut(self.page_bytes());
+        let (mut cubes, mut filled) = (Vec::new(), Vec::new());
+        for (page, slot) in pages {
+            state.changed.push(page.number);
+            let (Some(slot), Some(place)) = (slot, places.next()) else { continue };
+            place[..page.texels.len()].copy_from_slice(&page.texels);
+            let corner = place_of(slot, self.slots).map(|place| place * PAGE_TEXELS);
+            cubes.push((num::wide(cubes.len() * self.page_bytes()), corner));
+            if let Some(old) = state.page_in[num::index(slot)].replace(page.number) {
+                state.slot_of[num::index(old)] = 0;
+                state.changed.push(old);
+            }
+            state.slot_of[num::index(page.number)] = slot + 1;
+            state.bricks_in[num::index(slot)] = page.bricks;
+            filled.push(slot);
+        }
+        let sent = self.send(state, cubes, &filled);
+        if sent.is_err() {
+            // What the slots hold is unknown then, and the tables of the device are as they were: `changed` stays.
+            for slot in filled {
+                let page = state.page_in[num::index(slot)].take();
+                page.into_iter().for_each(|page| state.slot_of[num::index(page)] = 0);
+            }
+            return sent;
+        }
+        state.changed.clear();
+        Ok(())
+    }
+
+    /// Copies cubes of the staging buffer into the pool, and the words that changed into the tables.
+    fn send(&self, state: &mut State, cubes: Vec<(u64, [u32; 3])>, filled: &[u32]) -> Result<()> {
+        let size = 4 * u64::from(BRICKS);
+        let bricks_at = 4 * num::wide(state.changed.len());
+        let part_of_page =
+            |(i, &page): (usize, &u32)| [4 * num::wide(i), 4 * u64::from(PAGES_FIRST + page), 4];
+        let part_of_slot = |(i, &slot): (usize, &u32)| {
+            [bricks_at + size * num::wide(i), size * u64::from(slot), size]
+        };
+        let pages: Vec<_> = state.changed.iter().enumerate().map(part_of_page).collect();
+        let slots: Vec<_> = filled.iter().enumerate().map(part_of_slot).collect();
+        let mut changes = Vec::new();
+        for table in state.tables.iter().filter_map(Weak::upgrade) {
+            let pages = state.changed.iter().map(|&page| self.word(state, &table.says, page));
+            let ranges = filled.iter().flat_map(|&slot| &state.bricks_in[num::index(slot)]);
+            let words: Vec<u32> = pages.chain(ranges.map(|&range| table.says.of(range))).collect();
+            changes.push((Buffer::staging(&self.gpu, "pages", bytemuck::cast_slice(&words))?, table));
+        }
+        let (staging, image) = (&state.staging, &self.volume.image);
+        state.commands.run("pages", |recorder: &mut Recorder<'_>| {
+            if !cubes.is_empty() {
+                recorder.assume_after(image, Use::AnyShaderRead);
+                recorder.copy_buffer_to_cubes("pages", staging, image, PAGE_TEXELS, cubes);
+                recorder.release_image(image);
+            }
+            for (words, table) in &changes {
+                for (to, parts) in [(&table.words, &pages), (&table.bricks, &slots)] {
+                    if !parts.is_empty() {
+                        recorder.assume_buffer_after(to, Use::AnyShaderRead);
+                        recorder.copy_parts("pages.words", words, to, parts.clone());
+                        recorder.release_buffer(to);
+                    }
+                }
+            }
+        })
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Returns the slots along each axis of a pool: at most `most` in all and `side` along an axis, as near to a cube as they can be; `None` where
+/// there is none.
+fn slots_of(most: u32, side: u32) -> Option<[u32; 3]> {
+    let side = side.min(MOST_SLOTS);
+    let x = (1..=side).take_while(|&n| n.saturating_pow(3) <= most).last()?;
+    let y = (x..=side).take_while(|&n| x.saturating_mul(n).saturating_mul(n) <= most).last().unwrap_or(x);
+    Some([x, y, (most / (x * y)).min(side)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_fill_a_box_within_the_limits() {
+        assert_eq!(slots_of(1, 30), Some([1, 1, 1]));
+        assert_eq!(slots_of(7, 30), Some([1, 2, 3]));
+        assert_eq!(slots_of(3500, 30), Some([15, 15, 15]));
+        assert_eq!(slots_of(1 << 30, 30), Some([30; 3]));
+        assert_eq!(slots_of(5, 0), None);
+        for most in 1..3000 {
+            let [x, y, z] = slots_of(most, 64).unwrap();
+            assert!(x * y * z <= most && 4 * x * y * z >= 3 * most.min(8) && z <= 3 * x.max(2), "{most}: {x} {y} {z}");
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! The march through a grid in pages (`glsl/grid/paging.glsl`): a ray stops where it misses a page, which the host loads between recordings,
+//! and goes on in the next one. The image is that of the whole grid once every ray has ended, whatever the pool holds at a time.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::error::Result;
+use crate::frame::prepared::Outcome;
+use crate::gpu::shader::{self, WANTED_COUNT, WANTED_FIRST, WANTED_MOST, WANTED_UNFINISHED};
+use crate::gpu::{Buffer, Recorder};
+use crate::interface::RayState;
+use crate::num;
+use crate::primitives::dispatch::{buffer, download, words};
+use crate::resident::GpuScene;
+use crate::resident::pages::{PageOrder, PagePool, PageTable};
+use crate::resident::volume::Form;
+use crate::scene::View;
+
+/// The words that the host reads after a recording.
+const READ_BYTES: u64 = 4 * (WANTED_FIRST + WANTED_MOST) as u64;
+
+/// The pages of a frame.
+#[derive(Debug)]
+pub(super) struct Paging {
+    pool: Arc<PagePool>,
+    table: Arc<PageTable>,
+    /// The pages that rays have missed, on the device.
+    wanted: Arc<Buffer>,
+    /// How far each ray has come.
+    rays: Arc<Buffer>,
+    missed: Arc<Missed>,
+    order: PageOrder,
+    /// Whether the next recording goes on with the image of the last one.
+    resumes: AtomicBool,
+}
+
+/// The pages that the rays of a recording have missed, for the host.
+#[derive(Debug)]
+struct Missed {
+    read: Arc<Buffer>,
+    pool: Arc<PagePool>,
+}
+
+impl Paging {
+    /// Makes the buffers of a frame. Bricks tell their greatest scalars without a margin.
+    pub(super) fn new(scene: &GpuScene, name: &str, form: Form, margin: Option<f32>, view: &View) -> Result<Self> {
+        let gpu = scene.gpu();
+        let pool = scene.page_pool(form)?;
+        let table = scene.page_table(form, margin)?;
+        let pixels: u64 = view.extent().map(u64::from).iter().product();
+        let words = u64::from(WANTED_FIRST + WANTED_MOST) + u64::from(pool.pages());
+        let wanted = buffer(gpu, &format!("{name}.wanted"), words)?;
+        let rays = buffer(gpu, &format!("{name}.rays"), num::wide(size_of::<RayState>()) / 4 * pixels)?;
+        let read = download(gpu, &format!("{name}.missed"), READ_BYTES)?;
+        let missed = Arc::new(Missed { read, pool: Arc::clone(&pool) });
+        let order = PageOrder::new(scene.grid()?, view);
+        Ok(Self { pool, table, wanted, rays, missed, order, resumes: AtomicBool::new(false) })
+    }
+
+    /// The words of the bricks in the pool's slots.
+    pub(super) fn bricks(&self) -> &Arc<Buffer> {
+        &self.table.bricks
+    }
+
+    /// The inputs of look-ups.
+    pub(super) fn pages(&self) -> shader::Pages {
+        shader::Pages { pages: self.table.words.read(), paged: true }
+    }
+
+    /// The inputs of the march.
+    pub(super) fn paging(&self) -> shader::Paging {
+        shader::Paging { wanted: self.wanted.write(), rays: self.rays.write() }
+    }
+
+    /// Changes to another view.
+    pub(super) fn set_view(&mut self, scene: &GpuScene, view: &View) -> Result<()> {
+        self.order = PageOrder::new(scene.grid()?, view);
+        self.resumes = AtomicBool::new(false);
+        Ok(())
+    }
+
+    /// Returns whether the next recording goes on with the image of the last one.
+    pub(super) fn resumes(&self) -> bool {
+        self.resumes.load(Ordering::Relaxed)
+    }
+
+    /// Records what comes before the march. Returns whether that goes on with the image of the last recording.
+    pub(super) fn record_begin(&self, recorder: &mut Recorder<'_>, name: &str) -> bool {
+        recorder.clear_buffer(&format!("{name}.wanted.clear"), &self.wanted);
+        recorder.records() && self.resumes.swap(false, Ordering::Relaxed)
+    }
+
+    /// Records what comes after the march.
+    pub(super) fn record_end(&self, recorder: &mut Recorder<'_>, name: &str) {
+        recorder.copy_buffer(&format!("{name}.missed"), &self.wanted, &self.missed.read, READ_BYTES);
+        recorder.release_to_host(&self.missed.read);
+    }
+
+    pub(super) fn outcome(&self) -> Arc<dyn Outcome> {
+        Arc::clone(&self.missed) as _
+    }
+
+    /// Loads the pages that the last recording has missed. Returns whether the next one has more to draw.
+    pub(super) fn load(&self) -> Result<bool> {
+        let words = self.missed.words()?;
+        let missed = num::index(words[num::index(WANTED_COUNT)].min(WANTED_MOST));
+        let more = words[num::index(WANTED_UNFINISHED)] != 0;
+        let wanted = &words[num::index(WANTED_FIRST)..][..missed];
+        // A ray may also wait because its dispatch has walked as many slabs as it may.
+        let resumes = more && (self.pool.load(wanted, &self.order)? || wanted.is_empty());
+        self.resumes.store(resumes, Ordering::Relaxed);
+        Ok(resumes)
+    }
+}
+
+impl Missed {
+    fn words(&self) -> Result<Vec<u32>> {
+        let mut words = words(&self.read.host_copy()?);
+        words.resize(num::index(WANTED_FIRST + WANTED_MOST), 0);
+        Ok(words)
+    }
+}
+
+impl Outcome for Missed {
+    fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
+        let words = self.words()?;
+        let [bytes, pages] = self.pool.read();
+        let missed = u64::from(words[num::index(WANTED_COUNT)]);
+        let counters = vec![("pages_missed", missed), ("pages_read", pages), ("bytes_read", bytes)];
+        Ok((words[num::index(WANTED_UNFINISHED)] == 0, counters))
+    }
+}
