@@ -332,6 +332,7 @@ pub(crate) struct RayState {
     pub(crate) reached: f32,
     pub(crate) layer: f32,
     pub(crate) front: u32,
+    pub(crate) back: u32,
 }
 
 /// The push constants of `steps.glsl`.

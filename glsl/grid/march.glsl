@@ -63,9 +63,9 @@ vec4 begin_march(ivec2 pixel, out float transmittance) {
     return unpacked_state(RESUME ? imageLoad(accumulation, pixel) : vec4(0.0), transmittance);
 }
 
-// Returns whether the value on the front of a slab is known from the dispatch before: a ray that waits for one page needs no other.
-bool knows_front(uint slab) {
-    return PAGED && slab == before.slab && before.front != NO_FRONT;
+// Returns whether a value of a slab, front or back, is known from the dispatch before: a ray that waits for one page needs no other.
+bool knows(uint value, uint slab) {
+    return PAGED && slab == before.slab && value != UNKNOWN;
 }
 
 // Returns the slabs of this dispatch, of those that the ray meets: of a grid in pages the next, else all.
@@ -111,16 +111,16 @@ void pass_layers(inout LayersAhead ahead, float depth, float opaque, inout vec4 
 }
 
 // Notes how far the ray has come that ends before slab `end`. Returns whether this is its end; only a ray through pages may have another.
-bool ends_ray(ivec2 pixel, uint slab, uint end, float transmittance, float opaque, float reached, LayersAhead ahead, uint front) {
+bool ends_ray(ivec2 pixel, uint slab, uint end, float transmittance, float opaque, float reached, LayersAhead ahead, uint front, uint back) {
     if (!PAGED) return true;
     bool ended = !has_missed() && (slab >= end || transmittance <= opaque);
-    rays[number_of(pixel)] = RayState(ended ? RAY_ENDED : slab, transmittance, reached, ahead.depth, front);
+    rays[number_of(pixel)] = RayState(ended ? RAY_ENDED : slab, transmittance, reached, ahead.depth, front, back);
     if (!ended) note_unfinished();
     return ended;
 }
 
 // Shortens a piece to the part in front of the next surface, after compositing the surfaces already reached. Returns whether the
-// surface splits the piece. Then `reached` is the depth of the split: the caller repeats the slab for the rest.
+// surface splits the piece. Then `reached` becomes the depth of the split: the caller repeats the slab for the rest.
 bool cut_at_layer(inout LayersAhead ahead, inout vec2 piece, inout float reached, float opaque, inout vec4 sum, inout float transmittance) {
     piece.x = max(piece.x, reached);
     pass_layers(ahead, piece.x, opaque, sum, transmittance);

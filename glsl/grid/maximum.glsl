@@ -53,7 +53,7 @@ void main() {
     }
 
     LayersAhead none = LayersAhead(0u, 0u, 3e38);
-    ends_ray(pixel, i, all.y, brick_grid.reached, -3.1e38, 0.0, none, NO_FRONT);
+    ends_ray(pixel, i, all.y, brick_grid.reached, -3.1e38, 0.0, none, UNKNOWN, UNKNOWN);
     vec4 shown = vec4(brick_grid.reached);
     if ((push.order & MARCH_CONTINUES) == 0u) {
         load_knots();

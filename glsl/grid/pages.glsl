@@ -74,8 +74,8 @@ float between_texels(sampler3D texels, ivec3 i, ivec3 j, vec3 w, int level) {
 }
 
 // Returns the stored value at an offset, of at most a cell along each axis, from an index of the grid, on whose page it is found. `last` is the
-// greatest index. Returns 0 where that page is missed.
-float stored_on_page(sampler3D pool, vec3 index, vec3 offset, vec3 last, Lattice lattice) {
+// greatest index; it interpolates along the axes whose component of `along` is 1, and the others are 0. Returns 0 where that page is missed.
+float stored_on_page(sampler3D pool, vec3 index, vec3 offset, vec3 along, vec3 last, Lattice lattice) {
     vec3 first;
     if (!find_page(clamp(floor(index), vec3(0.0), last - 1.0), lattice.pages, first)) return 0.0;
     index = clamp(index + offset, vec3(0.0), last);
@@ -84,9 +84,9 @@ float stored_on_page(sampler3D pool, vec3 index, vec3 offset, vec3 last, Lattice
         vec3 coordinate = (index + first + 0.5) * lattice.texel;
         return textureLod(pool, sampled_at(coordinate, vec3(textureSize(pool, 0))), 0.0).r;
     }
-    vec3 base = min(floor(index), last - 1.0);
+    vec3 base = min(floor(index), last - along);
     ivec3 i = whole_of(base + first);
-    return between_texels(pool, i, i + 1, index - base, 0);
+    return between_texels(pool, i, i + ivec3(along), index - base, 0);
 }
 
 // Returns parameters of reconstruction with those of a pool of pages.

@@ -11,7 +11,8 @@ struct RayState {
     float transmittance; // in front of it; of maximum intensity projection the greatest scalar
     float reached;       // depth at which a surface has split the slab
     float layer;         // depth of the next surface
-    uint front;          // bits of the stored value on the front of the slab; NO_FRONT
+    uint front;          // bits of the stored values on the front and the back of the slab; UNKNOWN
+    uint back;
 };
 
 layout(set = 0, binding = BINDING_WANTED, std430) buffer Wanted { uint wanted[]; };
@@ -20,8 +21,8 @@ layout(set = 0, binding = BINDING_RAYS, std430) buffer Rays { RayState rays[]; }
 const uint RAY_ENDED = 0xffffffffu;
 
 // No sample has these bits.
-const uint NO_FRONT = 0xffffffffu;
-const RayState FIRST_STATE = RayState(0u, 1.0, -3e38, -3e38, NO_FRONT);
+const uint UNKNOWN = 0xffffffffu;
+const RayState FIRST_STATE = RayState(0u, 1.0, -3e38, -3e38, UNKNOWN, UNKNOWN);
 
 // Notes that a ray has not ended, and the page that it has missed.
 void note_unfinished() {

@@ -52,7 +52,7 @@ Segments segments_of(Ray ray, vec2 interval, ivec2 pixel, float spacing) {
 
 // Marches the segments of a ray from `i` to before `last`, and leaves the number of the next in `i`. The last of all ends at depth `far`.
 void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint i, uint last, inout LayersAhead ahead, inout float reached,
-           inout uint known, inout vec4 sum, inout float transmittance) {
+           inout uvec2 known, inout vec4 sum, inout float transmittance) {
     float z0 = all.z0, h = all.h;
     // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();
@@ -64,22 +64,27 @@ void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint 
     while (i < last && transmittance > opaque && !has_missed()) {
         uint stop = skip_empty(i, last, max(fma(float(i), h, z0), all.begin), z0, h, walk, ray, far, brick_grid);
         Face front;
+        known = uvec2(UNKNOWN);
         if (INTEGRATOR != INTEGRATOR_MIDPOINT) {
-            float texel = knows_front(i) ? uintBitsToFloat(before.front) : stored_at(ray, fma(float(i), h, z0), lattice);
+            float texel = knows(before.front, i) ? uintBitsToFloat(before.front) : stored_at(ray, fma(float(i), h, z0), lattice);
             if (has_missed()) break;
-            known = floatBitsToUint(texel);
+            known.x = floatBitsToUint(texel);
             front = face_of(texel, lattice);
         }
         for (; i < stop && transmittance > opaque; i += AT_ONCE) {
             vec2 pieces[MOST_AT_ONCE];
             float texels[MOST_AT_ONCE];
             bool cut = false;
+            float split = reached;
             for (uint k = 0u; k < AT_ONCE; ++k) {
                 vec2 piece = vec2(fma(float(i + k), h, z0), min(fma(float(min(i + k + 1u, last)), h, z0), far));
-                cut = LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance);
+                cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
                 pieces[k] = piece;
-                texels[k] = stored_at(ray, INTEGRATOR == INTEGRATOR_MIDPOINT ? 0.5 * (piece.x + piece.y) : piece.y, lattice);
+                float at = INTEGRATOR == INTEGRATOR_MIDPOINT ? 0.5 * (piece.x + piece.y) : piece.y;
+                texels[k] = knows(before.back, i + k) ? uintBitsToFloat(before.back) : stored_at(ray, at, lattice);
             }
+            if (has_missed()) break;
+            if (PAGED) before.back = UNKNOWN;
             for (uint k = 0u; k < AT_ONCE; ++k) {
                 float begin = pieces[k].x, end = AT_ONCE == 1u || transmittance > opaque ? pieces[k].y : begin;
                 float len = max(end - begin, 0.0) * ray.length_per_depth;
@@ -93,11 +98,13 @@ void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint 
                     front = back;
                 }
                 if (LIT) emission = lit(emission, ray, fma(emitted_at, end - begin, begin), lattice);
+                known.y = floatBitsToUint(texels[k]);
                 if (has_missed()) break;
                 add_part(pixel, sum, transmittance, emission, vec2(begin, end));
-                known = floatBitsToUint(texels[k]);
+                known = uvec2(floatBitsToUint(texels[k]), UNKNOWN);
             }
             if (has_missed()) break;
+            reached = split;
             if (cut) --i;
         }
     }
@@ -119,10 +126,10 @@ void main() {
     LayersAhead ahead = begin_layers(pixel, fma(begin, all.h, all.z0));
     float layers_until = layers_end(fma(end, all.h, all.z0));
     float reached = before.reached;
-    uint known = NO_FRONT;
+    uvec2 known = uvec2(UNKNOWN);
     uint i = ahead_of.x;
     march(pixel, ray, all, interval.y, slabs_between_looks(spacing), i, ahead_of.y, ahead, reached, known, sum, transmittance);
-    bool ends = ends_ray(pixel, i, range.y, transmittance, push.opaque, reached, ahead, known);
+    bool ends = ends_ray(pixel, i, range.y, transmittance, push.opaque, reached, ahead, known.x, known.y);
     if (LAYERS && ends) end_layers(ahead, layers_until, push.opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }
@@ -150,7 +157,7 @@ void main() {
     vec4 sum = vec4(0.0);
     LayersAhead ahead;
     float reached = -3e38;
-    uint known;
+    uvec2 known;
     uint i = uint(max(all.first, 0.0));
     march(pixel, ray, all, interval.y, slabs_between_looks(spacing), i, uint(max(all.end, 0.0)), ahead, reached, known, sum, transmittance);
     if (level > 0u) {

@@ -164,14 +164,16 @@ void main() {
         for (; turn < stop && transmittance > opaque; ++turn) {
             uint slab = down ? first_slab - turn : first_slab + turn;
             vec2 piece = slab_piece(slab, ray, interval, z0, h);
-            bool cut = LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance);
+            float split = reached;
+            bool cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
             vec4 emission = slice_emission(ray, piece, 0.5 * (piece.x + piece.y), float(slab), lattice, knots);
             if (has_missed()) break;
+            reached = split;
             if (cut) --turn;
             add_part(pixel, sum, transmittance, emission, piece);
         }
     }
-    bool ends = ends_ray(pixel, turn, all.y, transmittance, opaque, reached, ahead, NO_FRONT);
+    bool ends = ends_ray(pixel, turn, all.y, transmittance, opaque, reached, ahead, UNKNOWN, UNKNOWN);
     if (LAYERS && ends) end_layers(ahead, layers_until, opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }

@@ -107,9 +107,10 @@ void main() {
             vec2 pieces[MOST_AT_ONCE];
             float texels[MOST_AT_ONCE];
             bool cut = false;
+            float split = reached;
             for (uint k = 0u; k < AT_ONCE; ++k) {
                 vec2 piece = slab_piece(fma(float(slab + k), h, z0), fma(float(slab + k + 1u), h, z0), interval);
-                cut = LAYERS && cut_at_layer(ahead, piece, reached, opaque, sum, transmittance);
+                cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
                 pieces[k] = piece;
                 texels[k] = slice_texel(ray, piece, lattice);
             }
@@ -121,10 +122,11 @@ void main() {
                 add_part(pixel, sum, transmittance, emission, piece);
             }
             if (has_missed()) break;
+            reached = split;
             if (cut) --slab;
         }
     }
-    bool ends = ends_ray(pixel, slab, all.y, transmittance, opaque, reached, ahead, NO_FRONT);
+    bool ends = ends_ray(pixel, slab, all.y, transmittance, opaque, reached, ahead, UNKNOWN, UNKNOWN);
     if (LAYERS && ends) end_layers(ahead, layers_until, opaque, sum, transmittance);
     end_march(pixel, sum, transmittance);
 }

@@ -43,12 +43,17 @@ float fetched(vec2 index, int slice, int level) {
     return interpolated(interpolated(v00, v10, w.x), interpolated(v01, v11, w.x), w.y);
 }
 
+// Returns the stored value at an offset, in slices, from an index, from the page of the index; `between` slices, or on one.
+float in_pages(vec3 index, float slices, bool between, Lattice lattice) {
+    vec3 last = in_grid(2.0 * lattice.half_size, lattice.axis);
+    vec3 offset = in_grid(vec3(0.0, 0.0, slices), lattice.axis);
+    vec3 along = in_grid(vec3(1.0, 1.0, float(between)), lattice.axis);
+    return stored_on_page(pool, in_grid(index, lattice.axis), offset, along, last, lattice);
+}
+
 // Returns the stored value on a slice, bilinear.
 float on_slice(vec2 index, float slice, float level, Lattice lattice) {
-    if (PAGED) {
-        vec3 last = in_grid(2.0 * lattice.half_size, lattice.axis);
-        return stored_on_page(pool, in_grid(vec3(index, slice), lattice.axis), vec3(0.0), last, lattice);
-    }
+    if (PAGED) return in_pages(vec3(index, slice), 0.0, false, lattice);
     if (!FILTER_EXACT) {
         ++taken_fetches;
         vec2 coordinate = (index + 0.5) / (2.0 * lattice.half_size.xy + 1.0);
@@ -64,6 +69,7 @@ float on_slice(vec2 index, float slice, float level, Lattice lattice) {
 
 // Returns the stored value at an index, trilinear: it interpolates between two slices.
 float between_slices(vec3 index, float level, Lattice lattice) {
+    if (PAGED) return in_pages(index, 0.0, true, lattice);
     float last = 2.0 * lattice.half_size.z;
     float place = clamp(index.z, 0.0, last);
     float slice = max(min(floor(place), last - 1.0), 0.0);
@@ -80,6 +86,12 @@ float stored_at(Ray ray, float z, float slice, Lattice lattice) {
     return between_slices(index, level, lattice);
 }
 
+// Returns the stored value on the slice `step` beyond a slice, or on that itself at the end of the stack.
+float beside_slice(vec2 index, float slice, float step, Lattice lattice) {
+    if (PAGED) return in_pages(vec3(index, slice), step, false, lattice);
+    return on_slice(index, clamp(slice + step, 0.0, 2.0 * lattice.half_size.z), 0.0, lattice);
+}
+
 // Returns premultiplied colour and opacity of a piece of the ray, classified on its slice at depth z.
 vec4 slice_emission(Ray ray, vec2 piece, float z, float slice, Lattice lattice, uint knots) {
     float texel = stored_at(ray, z, slice, lattice);
@@ -89,12 +101,11 @@ vec4 slice_emission(Ray ray, vec2 piece, float z, float slice, Lattice lattice, 
     if (HAS_NAN && !BETWEEN) {
         // The slice separates two cells; a cell is vacuum where the slice on its other side is NaN. Subtract its length.
         vec2 index = fma(vec2(z), ray.d.xy, ray.q.xy) + lattice.half_size.xy;
-        float last = 2.0 * lattice.half_size.z;
         float plane = clamp((slice - lattice.half_size.z - ray.q.z) * ray.inverse.z, piece.x, max(piece.x, piece.y));
         float ahead = plane - piece.x, after = len - ahead;
         bool down = ray.d.z < 0.0;
-        float below = on_slice(index, max(slice - 1.0, 0.0), 0.0, lattice);
-        float above = on_slice(index, min(slice + 1.0, last), 0.0, lattice);
+        float below = beside_slice(index, slice, -1.0, lattice);
+        float above = beside_slice(index, slice, 1.0, lattice);
         if (is_nan(below)) len -= down ? after : ahead;
         if (is_nan(above)) len -= down ? ahead : after;
         len = max(len, 0.0);

@@ -29,7 +29,7 @@ float fetched(vec3 index, int level) {
 // Returns the stored value at an offset from a position, from the position's page.
 float in_pages(vec3 position, vec3 offset, Lattice lattice) {
     ++taken_samples;
-    return stored_on_page(volume, position + lattice.half_size, offset, 2.0 * lattice.half_size, lattice);
+    return stored_on_page(volume, position + lattice.half_size, offset, vec3(1.0), 2.0 * lattice.half_size, lattice);
 }
 
 // Returns the stored value at a position, at a mip level; NaN in a cell that touches a NaN sample.

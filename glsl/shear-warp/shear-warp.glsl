@@ -77,6 +77,7 @@ float stored_at(Ray ray, float z, Lattice lattice) {
     float last = 2.0 * lattice.half_size.z;
     float place = clamp(index.z, 0.0, last);
     float slice = floor(place), share = place - slice;
+    if (PAGED) return in_pages(vec3(index.xy, place), 0.0, share > 0.0, lattice);
     float texel = on_slice(index.xy, slice, 0.0, lattice);
     // A loop, because software rasterisers execute branches that no invocation takes.
     for (uint once = 0u; once < uint(share > 0.0); ++once) {
@@ -163,6 +164,7 @@ void main() {
 
 #if defined(COMPUTE) || defined(EDGE)
 #include "grid/empty-space.glsl"
+#include "grid/paging.glsl"
 #include "grid/resume.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -173,6 +175,10 @@ layout(set = 0, binding = BINDING_EDGES, std430) readonly buffer Edges { vec4 ed
 
 bool in_image(ivec2 pixel) {
     return all(lessThan(pixel, imageSize(accumulation)));
+}
+
+uint number_of(ivec2 pixel) {
+    return uint(pixel.y) * uint(imageSize(accumulation).x) + uint(pixel.x);
 }
 
 vec4 load_state(ivec2 pixel) {
@@ -189,31 +195,40 @@ bool in_image(ivec2 texel) {
     return all(lessThan(texel, ivec2(push.size)));
 }
 
+uint number_of(ivec2 texel) {
+    return push.offset + uint(texel.y) * push.size.x + uint(texel.x);
+}
+
 vec4 load_state(ivec2 texel) {
-    return intermediate[push.offset + uint(texel.y) * push.size.x + uint(texel.x)];
+    return intermediate[number_of(texel)];
 }
 
 void store_state(ivec2 texel, vec4 state) {
-    intermediate[push.offset + uint(texel.y) * push.size.x + uint(texel.x)] = state;
+    intermediate[number_of(texel)] = state;
 }
 #endif
 
 void main() {
     ivec2 texel = ivec2(INVOCATION.xy);
     if (!in_image(texel)) return;
+    uint number = number_of(texel);
+    bool resumes = PAGED ? (push.order & MARCH_RESUMES) != 0u : RESUME;
+    RayState before = FIRST_STATE;
+    if (PAGED && resumes) before = rays[number];
+    if (before.slab == RAY_ENDED) return;
 #ifdef EDGE
-    vec4 edge = edges[uint(texel.y) * uint(imageSize(accumulation).x) + uint(texel.x)];
+    vec4 edge = edges[number];
     if (edge.z == float(EDGE_NONE)) return;
     Ray ray = ray_of(edge.xy);
     vec2 interval = between_bounds(ray, edge.zw);
 #else
     Ray ray = ray_of(vec2(texel));
     vec2 interval = domain_of(ray);
-    if (BOUNDED) interval = between_bounds(ray, texel_bounds[push.offset + uint(texel.y) * push.size.x + uint(texel.x)]);
+    if (BOUNDED) interval = between_bounds(ray, texel_bounds[number]);
 #endif
 
     // Load these before the loop: drivers do not hoist them.
-    Lattice lattice = load_lattice();
+    Lattice lattice = of_stack(load_lattice());
     BrickGrid brick_grid = bricks_of(push.half_scale.xyz, push.order & MARCH_AXIS);
     float h = push.h, z0 = push.z0;
     uint knots = push.knots;
@@ -227,11 +242,14 @@ void main() {
     float begin = clamp(floor((interval.x - z0) / h) - 1.0, 0.0, slabs - 1.0);
     float end = clamp(floor((interval.y - z0) / h) + 1.0, 0.0, slabs - 1.0);
     Slices slices = load_slices();
-    float slab = begin + float(push.first), last = interval.x < interval.y ? min(end + 1.0, slab + float(push.count)) : 0.0;
+    float slab = max(begin + float(push.first), float(before.slab)), end_slab = interval.x < interval.y ? end + 1.0 : 0.0;
+    float last = min(end_slab, slab + float(push.count));
 
     float transmittance;
-    vec4 sum = unpacked_state(RESUME ? load_state(texel) : vec4(0.0), transmittance);
-    while (slab < last && transmittance > opaque) {
+    vec4 sum = unpacked_state(resumes ? load_state(texel) : vec4(0.0), transmittance);
+    if (PAGED) transmittance = before.transmittance;
+    uint known = UNKNOWN;
+    while (slab < last && transmittance > opaque && !has_missed()) {
         float stop = last;
         if (EMPTY_SPACE) {
             float until = empty_until(ray, slab_piece(slab, z0, h, interval).x, interval.y, brick_grid);
@@ -242,22 +260,36 @@ void main() {
         if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
             for (; slab < stop && transmittance > opaque; slab += 1.0) {
                 vec2 piece = slab_piece(slab, z0, h, interval);
-                add_behind(sum, transmittance, slab_emission(ray, piece, slab, z0, h, slices, lattice, knots));
+                vec4 emission = slab_emission(ray, piece, slab, z0, h, slices, lattice, knots);
+                if (has_missed()) break;
+                add_behind(sum, transmittance, emission);
             }
         } else {
-            Face front = face_of(stored_at(ray, slab_piece(slab, z0, h, interval).x, lattice), lattice);
+            known = UNKNOWN;
+            bool knows_front = PAGED && slab == float(before.slab) && before.front != UNKNOWN;
+            float value = knows_front ? uintBitsToFloat(before.front) : stored_at(ray, slab_piece(slab, z0, h, interval).x, lattice);
+            if (has_missed()) break;
+            known = floatBitsToUint(value);
+            Face front = face_of(value, lattice);
             for (; slab < stop && transmittance > opaque; slab += 1.0) {
                 vec2 piece = slab_piece(slab, z0, h, interval);
                 Face back = face_of(stored_at(ray, piece.y, lattice), lattice);
+                if (has_missed()) break;
                 if (piece.x < piece.y) {
                     float len = (piece.y - piece.x) * ray.length_per_depth;
                     add_behind(sum, transmittance, between_faces(front, back, len, knots));
                     front = back;
+                    known = floatBitsToUint(back.texel);
                 }
             }
         }
     }
-    store_state(texel, packed_state(sum, transmittance, (push.order & MARCH_CONTINUES) != 0u));
+    if (PAGED) {
+        bool ended = !has_missed() && (slab >= end_slab || transmittance <= opaque);
+        rays[number] = RayState(ended ? RAY_ENDED : uint(slab), transmittance, 0.0, 0.0, known, UNKNOWN);
+        if (!ended) note_unfinished();
+    }
+    store_state(texel, packed_state(sum, transmittance, !PAGED && (push.order & MARCH_CONTINUES) != 0u));
     add_counts();
 }
 #endif

@@ -61,6 +61,7 @@ impl GpuOptions {
             self.storage_range.is_some(),
             self.allocation_size.is_some(),
             self.memory_budget.is_some(),
+            self.page_pool.is_some(),
         ];
         limits.contains(&true) || !self.without.is_empty()
     }

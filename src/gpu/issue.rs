@@ -50,7 +50,11 @@ impl Gpu {
                 unsafe { device.cmd_clear_color_image(raw, image.raw, layout, &colour, &all) };
             }
             Work::CopyBuffer { from, to, parts } => {
-                let region = |&[src_offset, dst_offset, size]: &[u64; 3]| vk::BufferCopy { src_offset, dst_offset, size };
+                let region = |&[src_offset, dst_offset, size]: &[u64; 3]| vk::BufferCopy {
+                    src_offset,
+                    dst_offset,
+                    size,
+                };
                 let regions: Vec<_> = parts.iter().map(region).collect();
                 // SAFETY: both buffers hold these parts, of which there is one; barriers order the accesses.
                 unsafe { device.cmd_copy_buffer(raw, from.raw, to.raw, &regions) };

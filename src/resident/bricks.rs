@@ -109,11 +109,7 @@ fn open_at_nan(values: &[f32], windows: Windows, ranges: &mut [[f32; 2]]) {
 ///
 /// Reduces one axis after the other. y comes first, because then the inner loop runs along whole rows, which the
 /// compiler vectorises, and the other axes have an eighth of the numbers left.
-fn extremes<T: Copy + PartialOrd>(
-    values: &[T],
-    windows: Windows,
-    none: [T; 2],
-) -> Vec<[T; 2]> {
+fn extremes<T: Copy + PartialOrd>(values: &[T], windows: Windows, none: [T; 2]) -> Vec<[T; 2]> {
     let [n, bricks] = [windows.dims, windows.bricks].map(|counts| counts.map(num::index));
     // Comparisons are written so that a NaN leaves `so_far` as it is.
     let low = |so_far: T, value: T| if value < so_far { value } else { so_far };

@@ -51,9 +51,8 @@ impl BrickWords {
         match self {
             Self::Greatest => range[1].to_bits(),
             Self::Visible { scalars, margin } => {
-                let meets = |scalars: &[f32; 2]| {
-                    scalars[1] + margin >= range[0] && scalars[0] - margin <= range[1]
-                };
+                let meets =
+                    |scalars: &[f32; 2]| scalars[1] + margin >= range[0] && scalars[0] - margin <= range[1];
                 u32::from(range[0] <= range[1] && scalars.iter().any(meets))
             }
         }
@@ -260,9 +259,8 @@ impl PagePool {
                     table.upgrade().is_none_or(|table| table.says.hides(Some(range)))
                 };
                 // A hidden page makes no other leave, unless a ray samples it all the same.
-                let stays_out = is_new
-                    && state.page_in[num::index(slot)].is_some()
-                    && state.tables.iter().all(hides);
+                let stays_out =
+                    is_new && state.page_in[num::index(slot)].is_some() && state.tables.iter().all(hides);
                 loaded.push((page, Some(slot).filter(|_| !stays_out)));
             }
             self.upload(state, loaded)?;
@@ -325,9 +323,8 @@ impl PagePool {
         let bricks_at = 4 * num::wide(state.changed.len());
         let part_of_page =
             |(i, &page): (usize, &u32)| [4 * num::wide(i), 4 * u64::from(PAGES_FIRST + page), 4];
-        let part_of_slot = |(i, &slot): (usize, &u32)| {
-            [bricks_at + size * num::wide(i), size * u64::from(slot), size]
-        };
+        let part_of_slot =
+            |(i, &slot): (usize, &u32)| [bricks_at + size * num::wide(i), size * u64::from(slot), size];
         let pages: Vec<_> = state.changed.iter().enumerate().map(part_of_page).collect();
         let slots: Vec<_> = filled.iter().enumerate().map(part_of_slot).collect();
         let mut changes = Vec::new();
@@ -340,14 +337,14 @@ impl PagePool {
         let (staging, image) = (&state.staging, &self.volume.image);
         state.commands.run("pages", |recorder: &mut Recorder<'_>| {
             if !cubes.is_empty() {
-                recorder.assume_after(image, Use::AnyShaderRead);
+                recorder.assume_after(image, Use::ComputeSample);
                 recorder.copy_buffer_to_cubes("pages", staging, image, PAGE_TEXELS, cubes);
                 recorder.release_image(image);
             }
             for (words, table) in &changes {
                 for (to, parts) in [(&table.words, &pages), (&table.bricks, &slots)] {
                     if !parts.is_empty() {
-                        recorder.assume_buffer_after(to, Use::AnyShaderRead);
+                        recorder.assume_buffer_after(to, Use::ComputeRead);
                         recorder.copy_parts("pages.words", words, to, parts.clone());
                         recorder.release_buffer(to);
                     }
@@ -383,7 +380,10 @@ mod tests {
         assert_eq!(slots_of(5, 0), None);
         for most in 1..3000 {
             let [x, y, z] = slots_of(most, 64).unwrap();
-            assert!(x * y * z <= most && 4 * x * y * z >= 3 * most.min(8) && z <= 3 * x.max(2), "{most}: {x} {y} {z}");
+            assert!(
+                x * y * z <= most && 4 * x * y * z >= 3 * most.min(8) && z <= 3 * x.max(2),
+                "{most}: {x} {y} {z}"
+            );
         }
     }
 }

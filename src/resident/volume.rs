@@ -139,12 +139,7 @@ impl Volume {
     /// Uploads the samples of a grid.
     ///
     /// `ends` are the first and last scalar of the transfer function, which infinite samples become.
-    pub(crate) fn new(
-        gpu: &Gpu,
-        grid: &Grid,
-        ends: [f64; 2],
-        form: Form,
-    ) -> Result<Arc<Self>> {
+    pub(crate) fn new(gpu: &Gpu, grid: &Grid, ends: [f64; 2], form: Form) -> Result<Arc<Self>> {
         let Form { encoding, layout, levels } = form;
         let (dims, along) = layout.texels(grid);
         let (name, desc) = form.image(grid);

@@ -260,7 +260,8 @@ impl Grid {
         fn cube<T: Copy>(values: &[T], dims: [usize; 3], corner: [i64; 3], side: i64) -> Vec<T> {
             let places = |axis: usize| {
                 let last = i64::try_from(dims[axis]).unwrap_or(i64::MAX) - 1;
-                (corner[axis]..corner[axis] + side).map(move |i| usize::try_from(i.clamp(0, last)).unwrap_or(0))
+                (corner[axis]..corner[axis] + side)
+                    .map(move |i| usize::try_from(i.clamp(0, last)).unwrap_or(0))
             };
             let columns: Vec<usize> = places(0).collect();
             let rows = places(2).flat_map(|z| places(1).map(move |y| (z * dims[1] + y) * dims[0]));

@@ -10,7 +10,9 @@ use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::dry_run::{draws, dry_run, passes};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::Canvas;
-use crate::gpu::shader::{MARCH_CONTINUES, MARCH_RESUMES, MARCH_WIDE, RASTER_BACK_TO_FRONT, RASTER_FIRST_SHIFT};
+use crate::gpu::shader::{
+    MARCH_CONTINUES, MARCH_RESUMES, MARCH_WIDE, RASTER_BACK_TO_FRONT, RASTER_FIRST_SHIFT,
+};
 use crate::gpu::{Attachment, Image, Recorder, TargetImage};
 use crate::interface::GridPush;
 use crate::num;
@@ -68,8 +70,7 @@ fn check_paged(name: &str, technique: &dyn GridTechnique, route: Route, target: 
     } else {
         return Ok(());
     };
-    let why = format!("device memory for the whole grid; {instead} draws grids in pages");
-    Err(Error::unsupported(format!("{name} {what}"), why))
+    Err(Paging::refused(name, what, instead))
 }
 
 /// The samples that a frame reads: the whole volume, or the stack of the view, and all stacks where the technique keeps them; or a pool of
@@ -141,8 +142,10 @@ impl GridFrame {
         if pages.is_some() {
             check_paged(name, technique.as_ref(), route, target)?;
         }
-        let margin = (scene.scene().mode != Mode::Maximum).then(|| scene.margin(technique.segments().as_ref()));
-        let paging = pages.map(|form| Paging::new(scene, name, form, margin, view)).transpose()?;
+        let pixels = view.extent().map(u64::from).iter().product();
+        let margin =
+            (scene.scene().mode != Mode::Maximum).then(|| scene.margin(technique.segments().as_ref()));
+        let paging = pages.map(|form| Paging::new(scene, name, form, margin, view, pixels)).transpose()?;
         let knots = scene.knots()?;
         let cut = cut(name, scene, technique.as_ref(), volume, &knots, view, axis)?;
         let desc = RouteDesc {
@@ -231,7 +234,8 @@ impl GridFrame {
                     push.seed = *slabs_per_dispatch;
                     let mut resumes = paging.record_begin(recorder, name);
                     for _ in 0..count.div_ceil(*slabs_per_dispatch).max(1) {
-                        push.order = march_order(samples.axis, false) | if resumes { MARCH_RESUMES } else { 0 };
+                        push.order =
+                            march_order(samples.axis, false) | if resumes { MARCH_RESUMES } else { 0 };
                         let push = bytemuck::bytes_of(&push);
                         recorder.dispatch(&format!("{name}.march"), first, descriptors, push, groups.clone());
                         resumes = true;

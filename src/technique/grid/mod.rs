@@ -9,7 +9,7 @@ pub(crate) mod cut;
 pub(crate) mod dispatch_limits;
 pub(crate) mod frame;
 pub mod options;
-mod paging;
+pub(crate) mod paging;
 pub mod raycast;
 pub(crate) mod rays;
 mod route;

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::frame::prepared::Outcome;
 use crate::gpu::shader::{self, WANTED_COUNT, WANTED_FIRST, WANTED_MOST, WANTED_UNFINISHED};
 use crate::gpu::{Buffer, Recorder};
@@ -21,7 +21,7 @@ const READ_BYTES: u64 = 4 * (WANTED_FIRST + WANTED_MOST) as u64;
 
 /// The pages of a frame.
 #[derive(Debug)]
-pub(super) struct Paging {
+pub(crate) struct Paging {
     pool: Arc<PagePool>,
     table: Arc<PageTable>,
     /// The pages that rays have missed, on the device.
@@ -42,15 +42,21 @@ struct Missed {
 }
 
 impl Paging {
-    /// Makes the buffers of a frame. Bricks tell their greatest scalars without a margin.
-    pub(super) fn new(scene: &GpuScene, name: &str, form: Form, margin: Option<f32>, view: &View) -> Result<Self> {
+    /// Makes the buffers of a frame with so many rays. Bricks tell their greatest scalars without a margin.
+    pub(crate) fn new(
+        scene: &GpuScene,
+        name: &str,
+        form: Form,
+        margin: Option<f32>,
+        view: &View,
+        rays: u64,
+    ) -> Result<Self> {
         let gpu = scene.gpu();
         let pool = scene.page_pool(form)?;
         let table = scene.page_table(form, margin)?;
-        let pixels: u64 = view.extent().map(u64::from).iter().product();
         let words = u64::from(WANTED_FIRST + WANTED_MOST) + u64::from(pool.pages());
         let wanted = buffer(gpu, &format!("{name}.wanted"), words)?;
-        let rays = buffer(gpu, &format!("{name}.rays"), num::wide(size_of::<RayState>()) / 4 * pixels)?;
+        let rays = buffer(gpu, &format!("{name}.rays"), num::wide(size_of::<RayState>()) / 4 * rays)?;
         let read = download(gpu, &format!("{name}.missed"), READ_BYTES)?;
         let missed = Arc::new(Missed { read, pool: Arc::clone(&pool) });
         let order = PageOrder::new(scene.grid()?, view);
@@ -58,50 +64,58 @@ impl Paging {
     }
 
     /// The words of the bricks in the pool's slots.
-    pub(super) fn bricks(&self) -> &Arc<Buffer> {
+    pub(crate) fn bricks(&self) -> &Arc<Buffer> {
         &self.table.bricks
     }
 
-    /// The inputs of look-ups.
-    pub(super) fn pages(&self) -> shader::Pages {
-        shader::Pages { pages: self.table.words.read(), paged: true }
+    /// The inputs of look-ups; `unread` stands in where the grid is whole.
+    pub(crate) fn pages(paging: Option<&Self>, unread: &Arc<Buffer>) -> shader::Pages {
+        let words = paging.map_or(unread, |paging| &paging.table.words);
+        shader::Pages { pages: words.read(), paged: paging.is_some() }
     }
 
-    /// The inputs of the march.
-    pub(super) fn paging(&self) -> shader::Paging {
-        shader::Paging { wanted: self.wanted.write(), rays: self.rays.write() }
+    /// Refuses what does not draw a grid in pages, and names what does.
+    pub(crate) fn refused(name: &str, what: &str, instead: &str) -> Error {
+        let why = format!("device memory for the whole grid; {instead} draws grids in pages");
+        Error::unsupported(format!("{name} {what}"), why)
+    }
+
+    /// The inputs of a march; `unwritten` stands in where the grid is whole.
+    pub(crate) fn march(paging: Option<&Self>, unwritten: &Arc<Buffer>) -> shader::Paging {
+        let [wanted, rays] = paging.map_or([unwritten; 2], |paging| [&paging.wanted, &paging.rays]);
+        shader::Paging { wanted: wanted.write(), rays: rays.write() }
     }
 
     /// Changes to another view.
-    pub(super) fn set_view(&mut self, scene: &GpuScene, view: &View) -> Result<()> {
+    pub(crate) fn set_view(&mut self, scene: &GpuScene, view: &View) -> Result<()> {
         self.order = PageOrder::new(scene.grid()?, view);
         self.resumes = AtomicBool::new(false);
         Ok(())
     }
 
     /// Returns whether the next recording goes on with the image of the last one.
-    pub(super) fn resumes(&self) -> bool {
+    pub(crate) fn resumes(&self) -> bool {
         self.resumes.load(Ordering::Relaxed)
     }
 
     /// Records what comes before the march. Returns whether that goes on with the image of the last recording.
-    pub(super) fn record_begin(&self, recorder: &mut Recorder<'_>, name: &str) -> bool {
+    pub(crate) fn record_begin(&self, recorder: &mut Recorder<'_>, name: &str) -> bool {
         recorder.clear_buffer(&format!("{name}.wanted.clear"), &self.wanted);
         recorder.records() && self.resumes.swap(false, Ordering::Relaxed)
     }
 
     /// Records what comes after the march.
-    pub(super) fn record_end(&self, recorder: &mut Recorder<'_>, name: &str) {
+    pub(crate) fn record_end(&self, recorder: &mut Recorder<'_>, name: &str) {
         recorder.copy_buffer(&format!("{name}.missed"), &self.wanted, &self.missed.read, READ_BYTES);
         recorder.release_to_host(&self.missed.read);
     }
 
-    pub(super) fn outcome(&self) -> Arc<dyn Outcome> {
+    pub(crate) fn outcome(&self) -> Arc<dyn Outcome> {
         Arc::clone(&self.missed) as _
     }
 
     /// Loads the pages that the last recording has missed. Returns whether the next one has more to draw.
-    pub(super) fn load(&self) -> Result<bool> {
+    pub(crate) fn load(&self) -> Result<bool> {
         let words = self.missed.words()?;
         let missed = num::index(words[num::index(WANTED_COUNT)].min(WANTED_MOST));
         let more = words[num::index(WANTED_UNFINISHED)] != 0;

@@ -86,7 +86,7 @@ impl TileIntervals {
             // A binding must hold something.
             pixels: list.as_ref().unwrap_or(&intervals).write(),
             accumulation: image.stored(),
-            pages: shader::Pages { pages: visible.around.read(), paged: false },
+            pages: Paging::pages(None, &visible.around),
             by_tile_list: lists,
         };
         let find = pass(gpu, &format!("{name}.tiles"), &TILE_INTERVALS_COMPUTE.with(&inputs))?;
@@ -149,12 +149,11 @@ impl RouteDesc<'_> {
             Some(_) if stacked => (self.scene.nothing(true)?, samples),
             _ => (samples, self.scene.nothing(false)?),
         };
-        let unpaged = || shader::Pages { pages: self.knots.buffer.read(), paged: false };
         Ok(GridInputs {
             scene: self.scene,
             volume,
             pool,
-            pages: self.paging.map_or_else(unpaged, Paging::pages),
+            pages: Paging::pages(self.paging, &self.knots.buffer),
             lattice: shader::Lattice {
                 filter_exact,
                 has_nan,
@@ -222,8 +221,6 @@ impl RouteDesc<'_> {
         }
         let list = tiles.as_ref().and_then(|tiles| tiles.list.as_ref());
         let intervals = tiles.as_ref().map_or(&knots.buffer, |tiles| &tiles.intervals);
-        // A word of the plan's own, as for hit depths.
-        let unwritten = &self.target.hit_depths;
         let inputs = |steps: Option<&TileSteps>, resume: bool| MarchInputs {
             accumulation: image.stored(),
             resume,
@@ -237,10 +234,8 @@ impl RouteDesc<'_> {
             },
             counts: self.target.counts(&knots.buffer),
             hit_depths: self.target.hit_depths(),
-            paging: match self.paging {
-                Some(paging) => paging.paging(),
-                None => shader::Paging { wanted: unwritten.write(), rays: unwritten.write() },
-            },
+            // A word of the plan's own stands in, as for hit depths.
+            paging: Paging::march(self.paging, &self.target.hit_depths),
         };
         let steps = match technique.tolerance() {
             Some(_) if greatest => {

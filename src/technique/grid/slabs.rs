@@ -88,7 +88,16 @@ impl GridTechnique for Options {
         let segments = grid.segments(&self.segments)?;
         let GridInputs { volume, pages, lattice, optics, bounded, lighting, .. } = grid;
         let MarchInputs {
-            accumulation, resume, empty_space, layers, by_list, shown, counts, hit_depths, paging, ..
+            accumulation,
+            resume,
+            empty_space,
+            layers,
+            by_list,
+            shown,
+            counts,
+            hit_depths,
+            paging,
+            ..
         } = march;
         let clip_ends = true;
         Ok(SLABS_COMPUTE.with(&SlabsCompute {

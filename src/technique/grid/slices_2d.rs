@@ -96,7 +96,16 @@ impl GridTechnique for Options {
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let GridInputs { volume, pool, pages, lattice, optics, bounded, .. } = grid;
         let MarchInputs {
-            accumulation, resume, empty_space, layers, by_list, shown, counts, hit_depths, paging, ..
+            accumulation,
+            resume,
+            empty_space,
+            layers,
+            by_list,
+            shown,
+            counts,
+            hit_depths,
+            paging,
+            ..
         } = march;
         let stack = Stack { volume, pool, between: self.between };
         Ok(SLICES_2D_COMPUTE.with(&Slices2dCompute {
@@ -122,9 +131,14 @@ impl GridTechnique for Options {
         let stack = Stack { volume, pool, between: self.between };
         let vertex = SLICES_2D_VERTEX.with(&Slices2dVertex {});
         let fragment = match blend {
-            Some(blend) => {
-                SLICES_2D_SHADER_BLEND.with(&Slices2dShaderBlend { blend, pages, bounded, lattice, optics, stack })
-            }
+            Some(blend) => SLICES_2D_SHADER_BLEND.with(&Slices2dShaderBlend {
+                blend,
+                pages,
+                bounded,
+                lattice,
+                optics,
+                stack,
+            }),
             None => SLICES_2D_FRAGMENT.with(&Slices2dFragment { pages, bounded, lattice, optics, stack }),
         };
         let topology = vk::PrimitiveTopology::TRIANGLE_LIST;

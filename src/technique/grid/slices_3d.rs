@@ -87,7 +87,16 @@ impl GridTechnique for Options {
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
         let GridInputs { volume, pages, lattice, optics, bounded, lighting, .. } = grid;
         let MarchInputs {
-            accumulation, resume, empty_space, layers, by_list, shown, counts, hit_depths, paging, ..
+            accumulation,
+            resume,
+            empty_space,
+            layers,
+            by_list,
+            shown,
+            counts,
+            hit_depths,
+            paging,
+            ..
         } = march;
         let clip_ends = self.ends == Ends::Clip;
         Ok(SLICES_3D_COMPUTE.with(&Slices3dCompute {

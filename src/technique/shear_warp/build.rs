@@ -13,7 +13,9 @@ use crate::gpu::shader::{
     Stack as StackInputs, WARP_BICUBIC, WARP_BILINEAR, WARP_BOUNDED, WARP_COMPUTE, WARP_FRAGMENT, WARP_HALVE,
     WARP_MIP, WARP_VERTEX, WarpBounded, WarpCompute, WarpFragment, WarpHalve, WarpVertex,
 };
-use crate::gpu::{Blend, Bound, Sampled, Buffer, Descriptors, Gpu, GraphicsState, Image, ImageDesc, Pipeline};
+use crate::gpu::{
+    Blend, Bound, Buffer, Descriptors, Gpu, GraphicsState, Image, ImageDesc, Pipeline, Sampled,
+};
 use crate::interface::WarpPush;
 use crate::num;
 use crate::primitives::dispatch::buffer;
@@ -24,6 +26,7 @@ use crate::scene::View;
 use crate::technique::declare::{BlendOrder, EmptySpace, Route};
 use crate::technique::grid::dispatch_limits::{Loops, check_loops, slabs_per_dispatch};
 use crate::technique::grid::options::Filter;
+use crate::technique::grid::paging::Paging;
 use crate::technique::grid::slices_2d::Stacks;
 use crate::technique::shear_warp::bounds::ShearBounds;
 use crate::technique::shear_warp::frame::{Path, ShearFrame, Stack};
@@ -49,9 +52,10 @@ struct Sampling {
     filter: vk::Filter,
     lattice: Lattice,
     optics: Optics,
-    /// Stand-ins: stacks are whole.
     pages: Pages,
-    no_pool: Sampled,
+    /// In place of a stack or of a pool, whichever shaders leave alone.
+    unread: Sampled,
+    paged: bool,
     integration: Segments,
     between: bool,
     /// Whether a slab holds several slices.
@@ -76,6 +80,7 @@ struct Build<'a> {
     raster: bool,
     sampling: &'a Sampling,
     intermediate: &'a Intermediate,
+    paging: Option<&'a Paging>,
     /// Slabs of the base plane with the most.
     most_slabs: u32,
 }
@@ -101,15 +106,31 @@ impl ShearFrame {
             (Stacks::Used, axes) => axes.to_vec(),
         };
         let hardware = options.grid.filter == Filter::Hardware;
-        let volumes: Vec<_> = axes
-            .iter()
-            .map(|&axis| scene.volume(Layout::Stack(axis), hardware, false))
-            .collect::<Result<_>>()?;
+        let (form, paged) = scene.form(Layout::Stack(axes.first().copied().unwrap_or(2)), hardware, false)?;
+        let pages = paged.then_some(form);
+        // A pool serves every axis.
+        let axes = if paged { vec![0, 1, 2] } else { axes };
+        let volume = |&axis: &usize| match pages {
+            Some(form) => Ok(Arc::clone(&scene.page_pool(form)?.volume)),
+            None => scene.volume(Layout::Stack(axis), hardware, false),
+        };
+        let volumes = axes.iter().map(volume).collect::<Result<Vec<_>>>()?;
         let Some(volume) = volumes.first() else { return Err(Error::invalid(NAME, "no volume")) };
-        let sampling = Sampling::new(scene, &options, volume, has_nan)?;
+        if paged && (raster || target.bounds.is_some()) {
+            let (what, instead) =
+                if raster { ("route=raster", "route=compute") } else { ("of a cut view", "slices-2d") };
+            return Err(Paging::refused(NAME, what, instead));
+        }
+        let mut sampling = Sampling::new(scene, &options, volume, has_nan, paged)?;
         let knots = &sampling.knots;
         let drawn = DrawnPlanes::of(scene, &options, &chosen, &axes, volume, knots, view, raster)?;
         let intermediate = Intermediate::new(gpu, &drawn, raster)?;
+        let margin = scene.margin(sampling.segments.as_ref());
+        let paging =
+            pages.map(|form| Paging::new(scene, NAME, form, Some(margin), view, intermediate.texels));
+        let paging = paging.transpose()?;
+        sampling.pages = Paging::pages(paging.as_ref(), &sampling.knots.buffer);
+        let knots = &sampling.knots;
         let build = Build {
             scene,
             gpu,
@@ -119,6 +140,7 @@ impl ShearFrame {
             raster,
             sampling: &sampling,
             intermediate: &intermediate,
+            paging: paging.as_ref(),
             most_slabs: drawn.planes.iter().map(|plane| plane.slabs).max().unwrap_or(1),
         };
 
@@ -158,12 +180,13 @@ impl ShearFrame {
             warp,
             drawn,
             most,
+            paging,
         })
     }
 }
 
 impl Sampling {
-    fn new(scene: &GpuScene, options: &Options, volume: &Volume, has_nan: bool) -> Result<Self> {
+    fn new(scene: &GpuScene, options: &Options, volume: &Volume, has_nan: bool, paged: bool) -> Result<Self> {
         // A sampler may drop NaN.
         let exact = options.grid.filter == Filter::Exact || !volume.filterable || has_nan;
         let knots = scene.knots()?;
@@ -174,8 +197,9 @@ impl Sampling {
             // Stacks have no mip levels here: the warp averages texels instead.
             lattice: Lattice { filter_exact: exact, has_nan, prefilter: false },
             optics: knots.optics(),
-            pages: Pages { pages: knots.buffer.read(), paged: false },
-            no_pool: scene.nothing(false)?,
+            pages: Paging::pages(None, &knots.buffer),
+            unread: scene.nothing(paged)?,
+            paged,
             integration: scene.segments(&options.segments, options.grid.filter == Filter::Hardware, None)?,
             between: options.between,
             every: options.every > 1,
@@ -185,7 +209,9 @@ impl Sampling {
 
     /// The inputs of shaders that sample a stack.
     fn stack(&self, volume: &Volume) -> StackInputs {
-        StackInputs { volume: volume.image.sampled(self.filter), pool: self.no_pool.clone(), between: self.between }
+        let (samples, unread) = (volume.image.sampled(self.filter), self.unread.clone());
+        let (volume, pool) = if self.paged { (unread, samples) } else { (samples, unread) };
+        StackInputs { volume, pool, between: self.between }
     }
 }
 
@@ -247,7 +273,7 @@ impl Build<'_> {
         check_loops(gpu, NAME, &Loops::new(&sampling.knots, sampling.segments.as_ref(), false))?;
         let bind = |volume: &Volume| {
             SHEAR_WARP_VERTEX.with(&ShearWarpVertex {}).and(SHEAR_WARP_FRAGMENT.with(&ShearWarpFragment {
- pages: self.sampling.pages.clone(),
+                pages: self.sampling.pages.clone(),
                 texel_bounds: texel_bounds.read(),
                 bounded: self.target.bounds.is_some(),
                 every: sampling.every,
@@ -290,14 +316,17 @@ impl Build<'_> {
         let Sampling { knots, segments, .. } = self.sampling;
         let skips = self.options.grid.empty_space == EmptySpace::Skip;
         // A variant that reads no bricks binds the knots in their place.
-        let bricks = if skips {
+        let bricks = if let Some(paging) = self.paging.filter(|_| skips) {
+            Arc::clone(paging.bricks())
+        } else if skips {
             self.scene.bricks(self.scene.margin(segments.as_ref()))?.alone
         } else {
             Arc::clone(&knots.buffer)
         };
         let bind = |volume: &Volume, resume: bool| {
             SHEAR_WARP_COMPUTE.with(&ShearWarpCompute {
- pages: self.sampling.pages.clone(),
+                pages: self.sampling.pages.clone(),
+                paging: Paging::march(self.paging, &self.target.hit_depths),
                 intermediate: self.intermediate.buffer.write(),
                 texel_bounds: texel_bounds.read(),
                 bounded: self.target.bounds.is_some(),
@@ -315,7 +344,7 @@ impl Build<'_> {
         let slabs_per_dispatch = self.slabs_per_dispatch(self.intermediate.texels)?;
         let volume = first_of(volumes)?;
         let first = self.gpu.compute_pipeline(&format!("{NAME}.march"), &bind(volume, false))?;
-        let resume = if self.most_slabs > slabs_per_dispatch {
+        let resume = if self.most_slabs > slabs_per_dispatch && self.paging.is_none() {
             Some(self.gpu.compute_pipeline(&format!("{NAME}.march.resume"), &bind(volume, true))?)
         } else {
             None
@@ -388,7 +417,8 @@ impl Build<'_> {
             let stack = sampling.stack(volume);
             move |resume: bool| {
                 SHEAR_WARP_EDGE.with(&ShearWarpEdge {
- pages: self.sampling.pages.clone(),
+                    pages: self.sampling.pages.clone(),
+                    paging: Paging::march(self.paging, &self.target.hit_depths),
                     accumulation: image.stored(),
                     edges: bounds.edge_pixels.read(),
                     every: sampling.every,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::error::Result;
 use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::dry_run::{draws, dry_run, passes};
-use crate::frame::prepared::Prepared;
+use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::Canvas;
 use crate::gpu::{Attachment, Buffer, Descriptors, Image, Pipeline, Recorder, TargetImage};
 use crate::interface::{BasePlanePush, ShearBoundsPush, WarpPush};
@@ -18,6 +18,7 @@ use crate::scene::View;
 use crate::technique::declare::Value as _;
 use crate::technique::declare::draw::Draw;
 use crate::technique::declare::{BlendOrder, Route};
+use crate::technique::grid::paging::Paging;
 use crate::technique::shear_warp::bounds::ShearBounds;
 use crate::technique::shear_warp::march::{EdgeMarch, March};
 use crate::technique::shear_warp::options::{NAME, Options};
@@ -54,6 +55,8 @@ pub(crate) struct ShearFrame {
     pub(super) drawn: DrawnPlanes,
     /// The base planes with the most passes that another view may have.
     pub(super) most: DrawnPlanes,
+    /// Of a grid that is kept in pages.
+    pub(super) paging: Option<Paging>,
 }
 
 /// How base planes are composited.
@@ -90,7 +93,9 @@ impl Prepared for ShearFrame {
             DrawnPlanes::of(&self.scene, &self.options, &chosen, &axes, volume, &self.knots, view, raster)?;
         let splits = match &self.path {
             Path::Compute(march) => {
-                march.resume.is_some() || drawn.planes.iter().all(|plane| march.parts(plane.slabs) == 1)
+                self.paging.is_some()
+                    || march.resume.is_some()
+                    || drawn.planes.iter().all(|plane| march.parts(plane.slabs) == 1)
             }
             Path::Raster { .. } => true,
         };
@@ -108,8 +113,23 @@ impl Prepared for ShearFrame {
         let fits = splits && holds && passes(&steps()) <= most_passes;
         if fits {
             self.drawn = drawn;
+            if let Some(paging) = &mut self.paging {
+                paging.set_view(&self.scene, view)?;
+            }
         }
         Ok(fits)
+    }
+
+    fn load(&mut self) -> Result<bool> {
+        self.paging.as_ref().map_or(Ok(false), Paging::load)
+    }
+
+    fn resumes(&self) -> bool {
+        self.paging.as_ref().is_some_and(Paging::resumes)
+    }
+
+    fn outcome(&self) -> Option<Arc<dyn Outcome>> {
+        self.paging.as_ref().map(Paging::outcome)
     }
 
     fn measure(&self) -> DepthMeasure {
@@ -176,10 +196,18 @@ impl ShearFrame {
         }
         match &self.path {
             Path::Compute(march) => {
+                let name = format!("{NAME}.march");
+                let resumes = self.paging.as_ref().map(|paging| paging.record_begin(recorder, NAME));
                 for plane in &drawn.planes {
                     let descriptors = &self.stacks[plane.stack].descriptors;
                     let groups = tiles_of(plane.push.size);
-                    march.record(recorder, &format!("{NAME}.march"), plane, descriptors, groups);
+                    match resumes {
+                        Some(resumes) => march.record_paged(recorder, &name, plane, descriptors, resumes),
+                        None => march.record(recorder, &name, plane, descriptors, groups),
+                    }
+                }
+                if let Some(paging) = &self.paging {
+                    paging.record_end(recorder, NAME);
                 }
             }
             Path::Raster { pipeline, atlas } => {

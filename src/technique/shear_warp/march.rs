@@ -3,13 +3,15 @@
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
+use crate::gpu::shader::{MARCH_CONTINUES, MARCH_RESUMES};
 use crate::gpu::{Bound, Descriptors, Gpu, Pipeline, Recorder};
 use crate::interface::BasePlanePush;
+use crate::primitives::dispatch::tiles_of;
 use crate::technique::shear_warp::options::NAME;
 use crate::technique::shear_warp::planes::DrawnPlane;
 
 /// A bit of `BasePlanePush::order`: another dispatch follows.
-const MORE: u32 = crate::gpu::shader::MARCH_CONTINUES;
+const MORE: u32 = MARCH_CONTINUES;
 
 /// The pipelines of a march.
 #[derive(Debug)]
@@ -43,6 +45,25 @@ impl March {
             let push = BasePlanePush { first, count, order, ..plane.push };
             let pipeline = self.resume.as_ref().filter(|_| part > 0).unwrap_or(&self.first);
             recorder.dispatch(name, pipeline, descriptors, bytemuck::bytes_of(&push), groups);
+        }
+    }
+}
+
+impl March {
+    /// Records the march of a base plane through a grid in pages: each ray goes on from where it is, and `resumes` from the last recording.
+    pub(crate) fn record_paged(
+        &self,
+        recorder: &mut Recorder<'_>,
+        name: &str,
+        plane: &DrawnPlane,
+        descriptors: &Arc<Descriptors>,
+        resumes: bool,
+    ) {
+        for part in 0..self.parts(plane.slabs) {
+            let order = plane.push.order | if resumes || part > 0 { MARCH_RESUMES } else { 0 };
+            let push = BasePlanePush { first: 0, count: self.slabs_per_dispatch, order, ..plane.push };
+            let groups = tiles_of(plane.push.size);
+            recorder.dispatch(name, &self.first, descriptors, bytemuck::bytes_of(&push), groups);
         }
     }
 }
