@@ -145,9 +145,11 @@ impl RouteDesc<'_> {
         let filter = if filter_exact { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
         let samples = volume.image.sampled(filter);
         let stacked = self.volumes.iter().any(|(axis, _)| axis.is_some());
+        // Shaders of stacks have a binding for each, and leave one alone.
         let (volume, pool) = match self.paging {
-            Some(_) if stacked => (self.scene.nothing(true)?, samples),
-            _ => (samples, self.scene.nothing(false)?),
+            _ if !stacked => (samples.clone(), samples),
+            Some(_) => (self.scene.nothing(true)?, samples),
+            None => (samples, self.scene.nothing(false)?),
         };
         Ok(GridInputs {
             scene: self.scene,
