@@ -135,7 +135,7 @@ impl Cache {
     }
 }
 
-/// Hashes everything that determines an image; `None` for data that the reference does not draw.
+/// Hashes everything that determines an image; `None` for data that the reference does not draw, or that are read on demand.
 fn key(scene: &Scene, view: &View) -> Option<[u8; HASH]> {
     let mut hash = Sha256::new();
     // Each part is prefixed with its length, so that different lists of parts never hash the same bytes.
@@ -166,6 +166,7 @@ fn key(scene: &Scene, view: &View) -> Option<[u8; HASH]> {
                 Samples::U16(samples) => bytemuck::cast_slice(samples),
                 Samples::I16(samples) => bytemuck::cast_slice(samples),
                 Samples::F32(samples) => bytemuck::cast_slice(samples),
+                Samples::OnDemand(_) => return None,
             });
         }
         Data::Mesh(mesh) => {

@@ -23,17 +23,18 @@ impl Histogram {
     /// Computes the histogram of a grid over its range. Classes of integer data contain equally many codes, so that
     /// the classes cause no pattern.
     pub(crate) fn of(grid: &Grid) -> Self {
+        let grid = &*grid.overview();
         let (samples, rescale) = (grid.samples(), grid.rescale());
         let [lo, hi] = grid.range();
         let unit = rescale.slope.abs();
         let (first, width, count) = match samples {
-            Samples::F32(_) => Self::even(lo, hi),
             Samples::U8(_) | Samples::U16(_) | Samples::I16(_) => {
                 // There are at most 2^16 codes; where float64 cannot separate the values, classes are merely coarser.
                 let codes = whole((hi - lo) / unit).min(0xffff) + 1;
                 let each = codes.div_ceil(CLASSES);
                 (lo - unit / 2.0, each as f64 * unit, codes.div_ceil(each))
             }
+            Samples::F32(_) | Samples::OnDemand(_) => Self::even(lo, hi),
         };
         let values = (0..samples.len()).map(|i| rescale.slope * samples.get(i) + rescale.intercept);
         Self::count([first, width], count, values.filter(|value| value.is_finite()))

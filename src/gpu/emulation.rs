@@ -53,6 +53,15 @@ impl GpuOptions {
         &WORDS
     }
 
+    /// Reads a number of bytes above 0 as those words have it, with an optional unit: KiB, MiB or GiB.
+    #[must_use]
+    pub fn bytes(text: &str) -> Option<u64> {
+        let units = [("KiB", 10), ("MiB", 20), ("GiB", 30)];
+        let unit = units.iter().find_map(|(unit, bits)| Some((text.strip_suffix(unit)?, *bits)));
+        let (digits, bits) = unit.unwrap_or((text, 0));
+        digits.parse::<u64>().ok().filter(|&n| n > 0)?.checked_mul(1 << bits)
+    }
+
     /// Returns whether limits or features are emulated, so that a device may refuse what it could draw otherwise.
     #[must_use]
     pub fn is_tightened(&self) -> bool {
@@ -88,10 +97,10 @@ impl GpuOptions {
         match name {
             "loop" => self.loop_limit = number(),
             "subgroup" => self.subgroup_size = number(),
-            "buffer" => self.storage_range = bytes(value).and_then(narrow),
-            "allocation" => self.allocation_size = bytes(value),
-            "memory" => self.memory_budget = bytes(value),
-            "pages" => self.page_pool = bytes(value),
+            "buffer" => self.storage_range = Self::bytes(value).and_then(narrow),
+            "allocation" => self.allocation_size = Self::bytes(value),
+            "memory" => self.memory_budget = Self::bytes(value),
+            "pages" => self.page_pool = Self::bytes(value),
             _ => return false,
         }
         match name {
@@ -103,14 +112,6 @@ impl GpuOptions {
             _ => self.memory_budget.is_some(),
         }
     }
-}
-
-/// Reads a number of bytes with an optional unit.
-fn bytes(text: &str) -> Option<u64> {
-    let units = [("KiB", 10), ("MiB", 20), ("GiB", 30)];
-    let unit = units.iter().find_map(|(unit, bits)| Some((text.strip_suffix(unit)?, *bits)));
-    let (digits, bits) = unit.unwrap_or((text, 0));
-    digits.parse::<u64>().ok().filter(|&n| n > 0)?.checked_mul(1 << bits)
 }
 
 #[cfg(test)]

@@ -35,6 +35,8 @@ pub(super) struct Cells<'a> {
 impl<'a> Cells<'a> {
     pub(super) fn new(grid: &'a Grid, ends: [f64; 2]) -> Self {
         let counts = grid.dims().map(|extent| num::index((extent - 1).div_ceil(BLOCK)));
+        // Ranges would need all samples.
+        let counts = if matches!(grid.samples(), Samples::OnDemand(_)) { [0; 3] } else { counts };
         let ranges = std::iter::repeat_with(OnceLock::new).take(counts.into_iter().product()).collect();
         Self { grid, ends, last: grid.last_index(), counts, ranges }
     }
@@ -58,12 +60,20 @@ impl<'a> Cells<'a> {
             Samples::U16(samples) => self.scalars_of(gather(samples, first, strides)),
             Samples::I16(samples) => self.scalars_of(gather(samples, first, strides)),
             Samples::F32(samples) => self.scalars_of(gather(samples, first, strides)),
+            Samples::OnDemand(samples) => {
+                let [row, plane] = strides;
+                let beyond = |i: usize| (i & 1) + (i >> 1 & 1) * row + (i >> 2) * plane;
+                self.scalars_of(std::array::from_fn(|i| samples.get(first + beyond(i))))
+            }
         }
     }
 
     /// Returns the least and the greatest sample of the block that holds a cell, NaN apart. A block of NaN has
     /// an empty range.
     pub(super) fn range(&self, cell: [u32; 3]) -> [f64; 2] {
+        if self.ranges.is_empty() {
+            return [f64::NEG_INFINITY, f64::INFINITY];
+        }
         let [x, y, z] = cell.map(|place| num::index(place / BLOCK));
         *self.ranges[(z * self.counts[1] + y) * self.counts[0] + x].get_or_init(|| {
             let low = cell.map(|place| place - place % BLOCK);
@@ -77,6 +87,9 @@ impl<'a> Cells<'a> {
                         Samples::U16(samples) => self.extend(&mut range, &samples[row]),
                         Samples::I16(samples) => self.extend(&mut range, &samples[row]),
                         Samples::F32(samples) => self.extend(&mut range, &samples[row]),
+                        Samples::OnDemand(samples) => {
+                            row.for_each(|i| self.extend(&mut range, &[samples.get(i)]))
+                        }
                     }
                 }
             }

@@ -15,7 +15,7 @@ use super::tets::{self, Piece, TetRays};
 use super::view_ray::{ViewRay, ViewRays, view_range};
 use crate::error::{Error, Result};
 use crate::num;
-use crate::scene::{Data, Kernels, Scene, Surface, View};
+use crate::scene::{Data, Grid, Kernels, Scene, Surface, View};
 
 /// A scene's data and transfer function, prepared for rays.
 pub(super) enum Rays<'a> {
@@ -128,6 +128,7 @@ pub fn render(
             progress(done.fetch_add(1, Ordering::Relaxed) + 1, height);
         }
     });
+    check_read(scene)?;
     ReferenceImage::new(width, height, pixels)
 }
 
@@ -179,7 +180,14 @@ pub fn pixels(scene: &Scene, view: &View, pixels: &[[u32; 2]]) -> Result<Vec<[f6
         return Ok(cover::some(rays, &view_rays, view, pixels));
     }
     let draw = |&[x, y]: &[u32; 2]| rays.draw(&view_rays.at(DVec2::new(f64::from(x), f64::from(y)) + 0.5));
-    Ok(pixels.par_iter().map(draw).collect())
+    let colours = pixels.par_iter().map(draw).collect();
+    check_read(scene)?;
+    Ok(colours)
+}
+
+/// Checks that the samples of a grid could be read, where they are on demand.
+fn check_read(scene: &Scene) -> Result<()> {
+    scene.grid().map_or(Ok(()), Grid::failure)
 }
 
 /// Returns the depth of the nearest opaque surface at each pixel's centre, row by row from the top.
@@ -227,7 +235,11 @@ pub fn ray(scene: &Scene, origin: DVec3, direction: DVec3, t_range: [f64; 2]) ->
     let ray = ViewRay::new(surfaces.as_ref(), origin, direction, t_range, t_range);
     match GaussianRays::of(scene)? {
         Some(rays) => rays.trace(&ray),
-        None => Ok(Rays::new(scene)?.draw(&ray)),
+        None => {
+            let colour = Rays::new(scene)?.draw(&ray);
+            check_read(scene)?;
+            Ok(colour)
+        }
     }
 }
 

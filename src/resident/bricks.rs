@@ -10,7 +10,7 @@ use crate::num;
 use crate::primitives::dispatch::{buffer, groups_of, pass};
 use crate::resident::clock::Clock;
 use crate::resident::visible_scalars::{above, below, nonzero_ranges};
-use crate::scene::{Grid, Samples, TransferFunction};
+use crate::scene::{Grid, SampleKind, Samples, TransferFunction};
 
 /// Samples beyond a brick's own that its range covers on every side.
 ///
@@ -73,6 +73,10 @@ fn ranges_of(grid: &Grid, samples: &Samples, windows: Windows) -> Vec<[f32; 2]> 
                 open_at_nan(v, windows, &mut ranges);
             }
             ranges
+        }
+        Samples::OnDemand(_) => {
+            let count = windows.bricks.iter().map(|&n| num::index(n)).product();
+            vec![[-f32::MAX, f32::MAX]; count]
         }
     }
 }
@@ -180,11 +184,11 @@ fn in_units<T: Copy + Into<f64>>(grid: &Grid, stored: Vec<[T; 2]>) -> Vec<[f32; 
 /// Returns the stored number of an all-zero texel, and the largest number that a normalised texel decodes to before
 /// that is added; both 0 for floats.
 pub(crate) fn normalised(samples: &Samples) -> [f64; 2] {
-    match samples {
-        Samples::U8(_) => [0.0, 255.0],
-        Samples::U16(_) => [0.0, 65535.0],
-        Samples::I16(_) => [-32768.0, 65535.0],
-        Samples::F32(_) => [0.0, 0.0],
+    match samples.kind() {
+        SampleKind::U8 => [0.0, 255.0],
+        SampleKind::U16 => [0.0, 65535.0],
+        SampleKind::I16 => [-32768.0, 65535.0],
+        SampleKind::F32 => [0.0, 0.0],
     }
 }
 

@@ -300,7 +300,9 @@ impl GpuScene {
         let grid = self.grid()?;
         let form = Form::new(&self.gpu, grid, layout, for_filter, mip)?;
         let pages = Form::new(&self.gpu, grid, Layout::Volume, for_filter, false)?;
-        let fits = self.gpu.page_pool().is_none()
+        let in_memory = !matches!(grid.samples(), Samples::OnDemand(_));
+        let fits = in_memory
+            && self.gpu.page_pool().is_none()
             && (self.grid.volumes.has(&form) || (!self.grid.pools.has(&pages) && form.fits(&self.gpu, grid)));
         Ok(if fits { (form, false) } else { (pages, true) })
     }

@@ -275,7 +275,7 @@ impl PagePool {
 
     fn read_page(&self, number: u32) -> Result<Page> {
         let first = place_of(number, self.pages).map(|place| i64::from(place) * i64::from(PAGE) - 1);
-        let samples = self.grid.cube(first, PAGE_TEXELS);
+        let samples = self.grid.cube(first, PAGE_TEXELS)?;
         let bricks = page_ranges(&self.grid, &samples);
         let mut texels = vec![0; self.form.page_bytes()];
         self.form.encode(&self.grid, self.ends, &samples, &mut texels);

@@ -11,7 +11,7 @@ use crate::num::{self, f32_of};
 use crate::resident::bricks::{BRICK_BYTES, bricks_of, normalised};
 use crate::resident::mips;
 use crate::scene::grid::turned;
-use crate::scene::{Grid, Rescale, Samples};
+use crate::scene::{Grid, Rescale, SampleKind, Samples};
 
 /// Least bytes of device memory that techniques allocate for a grid.
 ///
@@ -190,9 +190,9 @@ impl Volume {
 /// 8-bit samples are widened where the device's filter rounds to 8 bits, and for mip levels, whose means have more
 /// digits than samples.
 fn encoding_on(gpu: &Gpu, samples: &Samples, for_filter: bool, mip: bool) -> Result<Encoding> {
-    let own = match samples {
-        Samples::U8(_) if mip => Encoding::R16,
-        Samples::U8(_) if for_filter && gpu.filters_in_8_bit()? => Encoding::R16,
+    let own = match samples.kind() {
+        SampleKind::U8 if mip => Encoding::R16,
+        SampleKind::U8 if for_filter && gpu.filters_in_8_bit()? => Encoding::R16,
         _ => Encoding::own(samples),
     };
     // 16-bit normalised images are optional.
@@ -203,10 +203,10 @@ fn encoding_on(gpu: &Gpu, samples: &Samples, for_filter: bool, mip: bool) -> Res
 impl Encoding {
     /// Returns the encoding that keeps samples as they are.
     fn own(samples: &Samples) -> Self {
-        match samples {
-            Samples::U8(_) => Self::R8,
-            Samples::U16(_) | Samples::I16(_) => Self::R16,
-            Samples::F32(_) => Self::R32f,
+        match samples.kind() {
+            SampleKind::U8 => Self::R8,
+            SampleKind::U16 | SampleKind::I16 => Self::R16,
+            SampleKind::F32 => Self::R32f,
         }
     }
 
@@ -274,6 +274,7 @@ fn turn_samples(samples: &Samples, dims: [u32; 3], axis: usize) -> Samples {
         Samples::U16(v) => Samples::U16(turn(v, dims, axis)),
         Samples::I16(v) => Samples::I16(turn(v, dims, axis)),
         Samples::F32(v) => Samples::F32(turn(v, dims, axis)),
+        Samples::OnDemand(v) => turn_samples(&v.run(0..v.len()), dims, axis),
     }
 }
 
@@ -300,6 +301,10 @@ impl Source<'_> {
         let [low, high] =
             if self.rescale.slope > 0.0 { [0, 1] } else { [1, 0] }.map(|end| self.stored_end(end));
         match (self.samples, self.encoding) {
+            (Samples::OnDemand(v), encoding) => {
+                let samples = &v.run(first..first + memory.len() / encoding.texel_bytes());
+                Source { samples, ..*self }.encode(0, memory);
+            }
             (Samples::U8(v), Encoding::R8) => put(&v[first..], memory, |x| [x]),
             (Samples::U8(v), Encoding::R16) => {
                 put(&v[first..], memory, |x| (u16::from(x) * 257).to_ne_bytes());

@@ -1,5 +1,6 @@
 //! Regular grids: samples on a lattice and the lattice's placement in the world.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
@@ -256,7 +257,11 @@ impl Grid {
     }
 
     /// Returns the samples of a cube from a corner on; beyond the domain the nearest sample stands there.
-    pub(crate) fn cube(&self, corner: [i64; 3], side: u32) -> Samples {
+    ///
+    /// # Errors
+    ///
+    /// Errors of the source of samples on demand.
+    pub(crate) fn cube(&self, corner: [i64; 3], side: u32) -> Result<Samples> {
         fn cube<T: Copy>(values: &[T], dims: [usize; 3], corner: [i64; 3], side: i64) -> Vec<T> {
             let places = |axis: usize| {
                 let last = i64::try_from(dims[axis]).unwrap_or(i64::MAX) - 1;
@@ -267,12 +272,50 @@ impl Grid {
             let rows = places(2).flat_map(|z| places(1).map(move |y| (z * dims[1] + y) * dims[0]));
             rows.flat_map(|row| columns.iter().map(move |x| values[row + x])).collect()
         }
-        let (dims, side) = (self.dims.map(num::index), i64::from(side));
-        match &*self.samples {
+        let (mut dims, mut corner, side) = (self.dims, corner, i64::from(side));
+        let part;
+        let samples = match &*self.samples {
+            Samples::OnDemand(samples) => {
+                let place =
+                    |axis: usize, at: i64| u32::try_from(at.clamp(0, i64::from(dims[axis]))).unwrap_or(0);
+                let first = [0, 1, 2].map(|a| place(a, corner[a]).min(dims[a] - 1));
+                let extent = [0, 1, 2].map(|a| (place(a, corner[a] + side) - first[a]).max(1));
+                corner = [0, 1, 2].map(|a| corner[a] - i64::from(first[a]));
+                dims = extent;
+                part = samples.read(first, extent)?;
+                &part
+            }
+            samples => samples,
+        };
+        let dims = dims.map(num::index);
+        Ok(match samples {
             Samples::U8(v) => Samples::U8(cube(v, dims, corner, side)),
             Samples::U16(v) => Samples::U16(cube(v, dims, corner, side)),
             Samples::I16(v) => Samples::I16(cube(v, dims, corner, side)),
             Samples::F32(v) => Samples::F32(cube(v, dims, corner, side)),
+            Samples::OnDemand(_) => return Err(Error::invalid("samples of a source", "must be in memory")),
+        })
+    }
+
+    /// Returns the grid; in place of one whose samples are read on demand, a coarser one in memory.
+    #[must_use]
+    pub fn overview(&self) -> Cow<'_, Self> {
+        let Samples::OnDemand(samples) = &*self.samples else { return Cow::Borrowed(self) };
+        let overview = samples.overview();
+        let coarse = Self {
+            dims: overview.dims,
+            spacing: self.spacing * DVec3::from_array(overview.strides.map(f64::from)),
+            samples: Arc::new(overview.samples.clone()),
+            ..self.clone()
+        };
+        Cow::Owned(coarse)
+    }
+
+    /// Returns the error by which a sample on demand could not be read since the last call.
+    pub(crate) fn failure(&self) -> Result<()> {
+        match &*self.samples {
+            Samples::OnDemand(samples) => samples.failure(),
+            _ => Ok(()),
         }
     }
 

@@ -1,5 +1,16 @@
 //! Stored samples of a grid.
 
+use super::on_demand::OnDemand;
+
+/// The types of samples that a device stores.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SampleKind {
+    U8,
+    U16,
+    I16,
+    F32,
+}
+
 /// The samples of a grid in the type that the device stores.
 ///
 /// Readers convert other types (`i8`, `u32`, `i32`, `u64`, `i64`, `f64`) to `f32`.
@@ -13,23 +24,32 @@ pub enum Samples {
     I16(Vec<i16>),
     /// 32-bit float. NaN marks vacuum.
     F32(Vec<f32>),
+    /// Read box by box from where they are kept, because memory has no room for all.
+    OnDemand(OnDemand),
 }
 
 impl Samples {
-    /// Returns the number of samples, the name of their type in scene files and its size in bytes.
-    fn facts(&self) -> (usize, &'static str, usize) {
+    /// Returns the type of the samples.
+    pub(crate) fn kind(&self) -> SampleKind {
         match self {
-            Self::U8(v) => (v.len(), "u8", 1),
-            Self::U16(v) => (v.len(), "u16", 2),
-            Self::I16(v) => (v.len(), "i16", 2),
-            Self::F32(v) => (v.len(), "f32", 4),
+            Self::U8(_) => SampleKind::U8,
+            Self::U16(_) => SampleKind::U16,
+            Self::I16(_) => SampleKind::I16,
+            Self::F32(_) => SampleKind::F32,
+            Self::OnDemand(samples) => samples.kind(),
         }
     }
 
     /// Returns the number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.facts().0
+        match self {
+            Self::U8(v) => v.len(),
+            Self::U16(v) => v.len(),
+            Self::I16(v) => v.len(),
+            Self::F32(v) => v.len(),
+            Self::OnDemand(samples) => samples.len(),
+        }
     }
 
     /// Returns whether there are no samples.
@@ -42,7 +62,7 @@ impl Samples {
     ///
     /// # Panics
     ///
-    /// When `index` is not below [`Samples::len`].
+    /// When `index` is not below [`Samples::len`]. Samples on demand that cannot be read are NaN.
     #[must_use]
     pub fn get(&self, index: usize) -> f64 {
         match self {
@@ -50,23 +70,34 @@ impl Samples {
             Self::U16(v) => f64::from(v[index]),
             Self::I16(v) => f64::from(v[index]),
             Self::F32(v) => f64::from(v[index]),
+            Self::OnDemand(samples) => samples.get(index),
         }
     }
 
     /// Returns the name of the type in scene files.
     #[must_use]
     pub fn type_name(&self) -> &'static str {
-        self.facts().1
+        match self.kind() {
+            SampleKind::U8 => "u8",
+            SampleKind::U16 => "u16",
+            SampleKind::I16 => "i16",
+            SampleKind::F32 => "f32",
+        }
     }
 
     /// Returns the size of one sample in bytes.
     #[must_use]
     pub fn sample_bytes(&self) -> usize {
-        self.facts().2
+        match self.kind() {
+            SampleKind::U8 => 1,
+            SampleKind::U16 | SampleKind::I16 => 2,
+            SampleKind::F32 => 4,
+        }
     }
 
     /// Returns the range of finite values, the number of NaN and the number of infinities. Without finite
-    /// values the range is empty.
+    /// values the range is empty. Samples on demand are not counted: the range is that of their overview, and of floats one is taken to be NaN
+    /// and one infinite.
     pub(crate) fn statistics(&self) -> ([f64; 2], usize, usize) {
         fn integers<T: Copy + Ord>(values: &[T]) -> [f64; 2]
         where
@@ -78,6 +109,10 @@ impl Samples {
             }
         }
         match self {
+            Self::OnDemand(samples) => {
+                let unknown = usize::from(samples.kind() == SampleKind::F32);
+                (samples.overview().samples.statistics().0, unknown, unknown)
+            }
             Self::U8(v) => (integers(v), 0, 0),
             Self::U16(v) => (integers(v), 0, 0),
             Self::I16(v) => (integers(v), 0, 0),

@@ -155,6 +155,10 @@ pub(crate) struct ArraysArgs {
     /// order of the numbers in their names.
     #[arg(long, value_name = "N")]
     step: Option<u32>,
+    /// Memory to keep data in, on the device and beside it, as 2GiB: a grid that is larger is read from its file in parts, as the picture needs
+    /// them. The device's free memory, and 4 GiB beside it, unless given.
+    #[arg(long, value_name = "BYTES", value_parser = |text: &str| GpuOptions::bytes(text).ok_or("must be a number of bytes, as 900MiB or 2GiB"))]
+    pub(crate) memory: Option<u64>,
     #[command(flatten)]
     axes: AxesArgs,
 }
@@ -191,6 +195,11 @@ fn why(error: Error) -> String {
 }
 
 impl ArraysArgs {
+    /// Limits the memory of a device.
+    pub(crate) fn limit(&self, options: &mut GpuOptions) {
+        options.memory_budget = self.memory.or(options.memory_budget);
+    }
+
     /// Returns the options for readers.
     pub(crate) fn options(&self) -> ReadOptions {
         self.axes.over(ReadOptions {
@@ -199,6 +208,7 @@ impl ArraysArgs {
             weight: self.weight.clone(),
             array: self.array.clone(),
             step: self.step,
+            on_demand: Some(self.memory.unwrap_or(4 << 30)),
             ..ReadOptions::default()
         })
     }

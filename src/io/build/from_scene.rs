@@ -50,6 +50,7 @@ fn scalars(name: &str, association: Association, values: &Samples) -> Array {
         Samples::U16(v) => array(name, association, (SampleType::U16, 1), v.iter().map(|x| x.to_le_bytes())),
         Samples::I16(v) => array(name, association, (SampleType::I16, 1), v.iter().map(|x| x.to_le_bytes())),
         Samples::F32(v) => floats(name, association, v),
+        Samples::OnDemand(v) => scalars(name, association, &v.run(0..v.len())),
     };
     made.info.active = true;
     made

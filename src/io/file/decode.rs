@@ -73,6 +73,7 @@ impl Values {
             Self::Samples(Samples::U16(v)) => v.try_reserve_exact(count),
             Self::Samples(Samples::I16(v)) => v.try_reserve_exact(count),
             Self::Samples(Samples::F32(v)) => v.try_reserve_exact(count),
+            Self::Samples(Samples::OnDemand(_)) => Ok(()),
             Self::Whole(Tuples { size, bytes }) => bytes.try_reserve_exact(count.saturating_mul(*size)),
         }
     }
@@ -84,6 +85,7 @@ impl Values {
             Self::Samples(Samples::U16(v)) => v.resize(count, 0),
             Self::Samples(Samples::I16(v)) => v.resize(count, 0),
             Self::Samples(Samples::F32(v)) => v.resize(count, 0.0),
+            Self::Samples(Samples::OnDemand(_)) => {}
             Self::Whole(Tuples { size, bytes }) => bytes.resize(count * *size, 0),
         }
     }
@@ -119,6 +121,7 @@ impl Values {
             Self::Samples(Samples::U16(v)) => keep(v, marked, 1),
             Self::Samples(Samples::I16(v)) => keep(v, marked, 1),
             Self::Samples(Samples::F32(v)) => keep(v, marked, 1),
+            Self::Samples(Samples::OnDemand(_)) => {}
             Self::Whole(Tuples { size, bytes }) => keep(bytes, marked, *size),
         }
     }
@@ -164,6 +167,7 @@ impl Samples {
             Self::U16(v) => v.into_iter().map(f32::from).collect(),
             Self::I16(v) => v.into_iter().map(f32::from).collect(),
             Self::F32(v) => v,
+            Self::OnDemand(v) => v.run(0..v.len()).into_f32(),
         }
     }
 }

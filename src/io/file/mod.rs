@@ -8,6 +8,7 @@ pub(crate) mod decode;
 pub(crate) mod fields;
 pub(crate) mod half;
 pub(crate) mod json;
+pub(crate) mod on_demand;
 pub(crate) mod sample_type;
 pub(crate) mod samples;
 pub(crate) mod scanner;

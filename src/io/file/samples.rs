@@ -4,12 +4,14 @@ use std::io::{ErrorKind, Read};
 
 use crate::error::{Error, Result};
 use crate::io::file::decode::{Layout, Values, append};
-use crate::io::file::sample_type::Endian;
+use crate::io::file::on_demand::InFile;
+use crate::io::file::sample_type::{Endian, Pick};
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::{Encoding, Source};
 use crate::io::file::text;
 use crate::io::options::ReadOptions;
 use crate::num;
+use crate::scene::{OnDemand, Samples};
 
 /// One file's share of the samples, and where it begins.
 #[derive(Clone, Debug)]
@@ -72,6 +74,9 @@ pub(crate) fn read(
     part: &dyn Fn(usize, u64) -> Result<Part>,
     options: &ReadOptions,
 ) -> Result<Values> {
+    if let Some(samples) = on_demand(source, place, layout, parts, part, options)? {
+        return Ok(samples);
+    }
     let (count, bytes) = data_size(source, place, layout, options)?;
     if parts == 0 || count % parts != 0 {
         return Err(source.error(place, format!("{count} samples do not divide into {parts} files")));
@@ -89,6 +94,30 @@ pub(crate) fn read(
         share.read(&mut samples)?;
     }
     Ok(samples)
+}
+
+/// Returns the samples of a file on demand, where they are as many as the options say, uncompressed and in one file.
+fn on_demand(
+    source: &Source,
+    place: &str,
+    layout: &Layout,
+    parts: usize,
+    part: &dyn Fn(usize, u64) -> Result<Part>,
+    options: &ReadOptions,
+) -> Result<Option<Values>> {
+    let unlimited = ReadOptions { max_bytes: u64::MAX, ..options.clone() };
+    let (count, bytes) = data_size(source, place, layout, &unlimited)?;
+    if parts != 1 || layout.pick == Pick::Whole || options.on_demand.is_none_or(|least| bytes < least) {
+        return Ok(None);
+    }
+    let share = Share { part: part(0, bytes)?, layout, count, bytes };
+    let Part { source, offset, encoding, skip, text } = &share.part;
+    if *text || *encoding != Encoding::Raw {
+        return Ok(None);
+    }
+    share.check()?;
+    let samples = InFile { source: source.clone(), offset: offset + skip, layout: *layout };
+    Ok(Some(Samples::OnDemand(OnDemand::new(layout.dims, samples)?).into()))
 }
 
 /// The samples in one file, their number and size.

@@ -213,6 +213,31 @@ impl Source {
         Ok(bytes)
     }
 
+    /// Fills a buffer with bytes of the file as stored. Several threads may read at once.
+    ///
+    /// # Errors
+    ///
+    /// Those of the system; [`std::io::ErrorKind::UnexpectedEof`] if the file ends early.
+    pub(crate) fn fill(&self, offset: u64, buffer: &mut [u8]) -> std::io::Result<()> {
+        match &*self.body {
+            #[cfg(unix)]
+            Body::File(file) => std::os::unix::fs::FileExt::read_exact_at(file, buffer, offset),
+            #[cfg(windows)]
+            Body::File(file) => {
+                let mut filled = 0;
+                while filled < buffer.len() {
+                    let at = offset.saturating_add(num::wide(filled));
+                    match std::os::windows::fs::FileExt::seek_read(file, &mut buffer[filled..], at)? {
+                        0 => return Err(std::io::ErrorKind::UnexpectedEof.into()),
+                        read => filled += read,
+                    }
+                }
+                Ok(())
+            }
+            Body::Memory { .. } => self.reader(offset, Encoding::Raw).read_exact(buffer),
+        }
+    }
+
     /// Reads some bytes of the file as stored, none at its end.
     pub(crate) fn read_some(&self, offset: u64, buffer: &mut [u8]) -> std::io::Result<usize> {
         match &*self.body {

@@ -10,6 +10,7 @@ use crate::scene::grid::turned;
 use crate::scene::{Grid, Knot, TransferFunction};
 
 pub(super) fn transfer(grid: &Grid) -> Result<TransferFunction> {
+    let grid = &*grid.overview();
     let shape = TransferFunction::new(shape(grid))?;
     shape.thickened(DEPTH / dense_depth(grid, &shape))
 }
@@ -70,6 +71,7 @@ fn foreground(grid: &Grid, values: &[f64]) -> Foreground {
 
 /// Returns the 90 % quantile of optical depth over index-aligned rays, leaving out nearly empty ones; positive.
 pub(super) fn dense_depth(grid: &Grid, transfer: &TransferFunction) -> f64 {
+    let grid = &*grid.overview();
     let rays = (0..3).flat_map(|axis| spread(grid, axis, RAYS).map(move |ray| (axis, ray)));
     let depth = |(axis, ray)| {
         let taus = (0..grid.dims()[axis]).map(|i| transfer.at(value(grid, axis, ray, i)).1);
@@ -97,6 +99,7 @@ fn value(grid: &Grid, axis: usize, ray: usize, i: u32) -> f64 {
 
 /// Returns an evenly spread, repeatable subset of the samples.
 pub(super) fn all_samples(grid: &Grid) -> Vec<f64> {
+    let grid = &*grid.overview();
     let samples = grid.samples();
     let rescale = grid.rescale();
     let stride = stride(samples.len(), SAMPLES);

@@ -91,11 +91,13 @@ impl Shown {
 
 /// Finds the first and the last layer of cells along each axis of which more than noise is visible.
 fn of_grid(grid: &Grid, shown: &Shown) -> Option<[DVec3; 8]> {
+    let grid = &*grid.overview();
     let counts = match grid.samples() {
         Samples::U8(samples) => count(grid, shown, samples),
         Samples::U16(samples) => count(grid, shown, samples),
         Samples::I16(samples) => count(grid, shown, samples),
         Samples::F32(samples) => count(grid, shown, samples),
+        Samples::OnDemand(_) => return None,
     };
     let cells = grid.dims().map(|side| side - 1);
     let ends = |axis: usize| {

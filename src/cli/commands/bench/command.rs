@@ -103,7 +103,7 @@ impl Args {
         output::check_folder(folder)?;
         let given = Given::parse(&self.techniques)?;
         let workloads = self.workloads(quiet)?;
-        let (gpu, _) = self.device.open(false)?;
+        let (gpu, _) = self.device.open_with(false, |options| self.arrays.limit(options))?;
         output::make_folder(folder)?;
         let results = Results::begin(folder, Peaks::measure(&gpu)?)?;
         interrupt::watch();

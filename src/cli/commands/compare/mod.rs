@@ -86,7 +86,7 @@ impl Args {
                 Wanted::One(request) => drop(settings.choose(Some(request), &scene)?),
             }
         }
-        let (gpu, log) = self.device.open(self.validate)?;
+        let (gpu, log) = self.device.open_with(self.validate, |options| self.arrays.limit(options))?;
         let device = gpu.report().clone();
         // Images come before the slow reference: an unsupported request fails early and leaves no file.
         let (entries, refused) = draw(&gpu, &scene, &settings, &wanted)?;

@@ -106,6 +106,7 @@ impl Args {
 
         let start = Instant::now();
         let (gpu, log) = self.device.open_with(self.validate, |options| {
+            self.arrays.limit(options);
             if let Some(target) = self.present {
                 target.ask(options);
             }

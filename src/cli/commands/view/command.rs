@@ -60,7 +60,9 @@ impl Args {
         let Input { scene, settings } = self.look.apply(input)?;
         let technique = settings.choose(request, &scene)?;
         let validation = if self.validate { Validation::On } else { Validation::Off };
-        let gpu = Gpu::new(&GpuOptions { validation, window: true, ..self.device.options() })?;
+        let mut options = GpuOptions { validation, window: true, ..self.device.options() };
+        self.arrays.limit(&mut options);
+        let gpu = Gpu::new(&options)?;
         let log = gpu.validation_log();
         let mut session = Session::new(GpuScene::new(&gpu, scene), &settings, technique, self.frame);
         let goal = self.choice.goal();

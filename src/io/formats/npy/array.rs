@@ -170,7 +170,7 @@ impl<'a> Array<'a> {
             (Pick::Component(i), Samples::F32(_)) => {
                 Samples::F32(self.scattered(dims, i..i + 1, |_, value| num::f32_of(value))?)
             }
-            (Pick::Whole, samples) => samples,
+            (_, samples) => samples,
         };
         Ok(samples.into())
     }
