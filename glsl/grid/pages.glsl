@@ -45,16 +45,23 @@ ivec3 slot_of(uint word) {
     return ivec3(word & 0xffu, word >> 8 & 0xffu, word >> 16 & 0xffu);
 }
 
-// Finds the page of the cell at an index of the grid, none of whose components is below 0. Returns whether it is held; then a texel of the pool
-// is `first` beyond its index.
-bool find_page(vec3 index, ivec3 strides, out vec3 first) {
-    ivec3 page = whole_of(index / float(PAGE));
-    int number = page.x * strides.x + page.y * strides.y + page.z * strides.z;
-    uint word = page_words[PAGES_FIRST + number];
-    first = vec3(slot_of(word) * PAGE_TEXELS + 1 - page * PAGE);
-    bool held = (word & PAGE_HELD) != 0u;
-    if (!held) missed_page = uint(number) + 1u;
-    return held;
+// The page that this invocation has last found; a texel of the pool is `pool_first` beyond its index.
+vec3 last_page = vec3(-1.0), pool_first;
+
+// Finds the page of the cell at an index of the grid, none of whose components is below 0. Returns whether it is held.
+bool find_page(vec3 cell, ivec3 strides) {
+    vec3 place = floor(cell / float(PAGE));
+    // (A loop, because software rasterisers execute branches that no invocation takes.)
+    for (uint once = 0u; once < uint(place != last_page); ++once) {
+        ivec3 page = whole_of(place);
+        int number = page.x * strides.x + page.y * strides.y + page.z * strides.z;
+        uint word = page_words[PAGES_FIRST + number];
+        bool held = (word & PAGE_HELD) != 0u;
+        pool_first = vec3(slot_of(word) * PAGE_TEXELS + 1 - page * PAGE);
+        last_page = held ? place : vec3(-1.0);
+        if (!held) missed_page = uint(number) + 1u;
+    }
+    return last_page.x >= 0.0;
 }
 
 // Interpolates between the eight texels from i to j at one level.
@@ -76,16 +83,15 @@ float between_texels(sampler3D texels, ivec3 i, ivec3 j, vec3 w, int level) {
 // Returns the stored value at an offset, of at most a cell along each axis, from an index of the grid, on whose page it is found. `last` is the
 // greatest index; it interpolates along the axes whose component of `along` is 1, and the others are 0. Returns 0 where that page is missed.
 float stored_on_page(sampler3D pool, vec3 index, vec3 offset, vec3 along, vec3 last, Lattice lattice) {
-    vec3 first;
-    if (!find_page(clamp(floor(index), vec3(0.0), last - 1.0), lattice.pages, first)) return 0.0;
+    if (!find_page(clamp(floor(index), vec3(0.0), last - 1.0), lattice.pages)) return 0.0;
     index = clamp(index + offset, vec3(0.0), last);
     if (!FILTER_EXACT) {
         ++taken_fetches;
-        vec3 coordinate = (index + first + 0.5) * lattice.texel;
+        vec3 coordinate = (index + pool_first + 0.5) * lattice.texel;
         return textureLod(pool, sampled_at(coordinate, vec3(textureSize(pool, 0))), 0.0).r;
     }
     vec3 base = min(floor(index), last - along);
-    ivec3 i = whole_of(base + first);
+    ivec3 i = whole_of(base + pool_first);
     return between_texels(pool, i, i + ivec3(along), index - base, 0);
 }
 

@@ -27,7 +27,7 @@ pub struct GpuOptions {
     /// largest device-local heap.
     pub memory_budget: Option<u64>,
     /// Bytes of the pool in which a grid is kept in pages, at least one page. Without it a grid that fits the device is one image, and for
-    /// another the pool takes three quarters of the memory that is left.
+    /// another the pool takes five eighths of the memory that is left.
     pub page_pool: Option<u64>,
     /// Loop iterations that one shader invocation may make, instead of the number that the start-up probe finds.
     pub loop_limit: Option<u32>,

@@ -295,8 +295,8 @@ impl GpuScene {
         })
     }
 
-    /// Returns the form in which a technique reads samples, and whether the device keeps them in pages.
-    pub(crate) fn form(&self, layout: Layout, for_filter: bool, mip: bool) -> Result<(Form, bool)> {
+    /// Returns the form of the pages in which the device keeps the samples that a technique reads; `None` where it has room for all.
+    pub(crate) fn pages_of(&self, layout: Layout, for_filter: bool, mip: bool) -> Result<Option<Form>> {
         let grid = self.grid()?;
         let form = Form::new(&self.gpu, grid, layout, for_filter, mip)?;
         let pages = Form::new(&self.gpu, grid, Layout::Volume, for_filter, false)?;
@@ -304,14 +304,14 @@ impl GpuScene {
         let fits = in_memory
             && self.gpu.page_pool().is_none()
             && (self.grid.volumes.has(&form) || (!self.grid.pools.has(&pages) && form.fits(&self.gpu, grid)));
-        Ok(if fits { (form, false) } else { (pages, true) })
+        Ok((!fits).then_some(pages))
     }
 
     /// Returns the pool of the grid's pages.
     pub(crate) fn page_pool(&self, form: Form) -> Result<Arc<PagePool>> {
         let grid = self.grid()?;
         self.grid.pools.get(form, || {
-            let bytes = self.gpu.page_pool().unwrap_or(self.gpu.memory_left() / 4 * 3);
+            let bytes = self.gpu.page_pool().unwrap_or(self.gpu.memory_left() / 8 * 5);
             PagePool::new(&self.gpu, grid, self.scene.transfer.domain(), form, bytes)
         })
     }

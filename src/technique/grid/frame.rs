@@ -73,33 +73,32 @@ fn check_paged(name: &str, technique: &dyn GridTechnique, route: Route, target: 
     Err(Paging::refused(name, what, instead))
 }
 
-/// The samples that a frame reads: the whole volume, or the stack of the view, and all stacks where the technique keeps them; or a pool of
-/// pages, with their form.
+/// The samples that a frame reads: the whole volume, or the stack of the view, and all stacks where the technique keeps them; or the pool of
+/// pages of a form.
 fn volumes(
     scene: &GpuScene,
     technique: &dyn GridTechnique,
     axis: Option<usize>,
-) -> Result<(Vec<(Option<usize>, Arc<Volume>)>, Option<Form>)> {
-    let options = technique.options();
+    pages: Option<Form>,
+) -> Result<Vec<(Option<usize>, Arc<Volume>)>> {
+    let all = |axis: usize| [axis, axis + 1, axis + 2].map(|a| Some(a % 3)).to_vec();
+    // A pool serves every axis.
     let axes: Vec<Option<usize>> = match axis {
-        Some(axis) if technique.keeps_all_stacks() => {
-            [axis, axis + 1, axis + 2].map(|a| Some(a % 3)).to_vec()
-        }
+        Some(axis) if technique.keeps_all_stacks() || pages.is_some() => all(axis),
         axis => vec![axis],
     };
-    let hardware = options.filter == Filter::Hardware;
-    let mip = options.prefilter == Prefilter::Mip;
-    let (form, paged) = scene.form(axis.map_or(Layout::Volume, Layout::Stack), hardware, mip)?;
-    if !paged {
-        let volume = |axis: Option<usize>| {
-            Ok((axis, scene.volume(axis.map_or(Layout::Volume, Layout::Stack), hardware, mip)?))
-        };
-        return Ok((axes.into_iter().map(volume).collect::<Result<_>>()?, None));
-    }
-    // A pool serves every axis.
-    let axes: Vec<_> = if axis.is_some() { [0, 1, 2].map(Some).to_vec() } else { vec![None] };
-    let volume = Arc::clone(&scene.page_pool(form)?.volume);
-    Ok((axes.into_iter().map(|axis| (axis, Arc::clone(&volume))).collect(), Some(form)))
+    let [hardware, mip] = reads(technique);
+    let volume = |axis: Option<usize>| match pages {
+        Some(form) => Ok((axis, Arc::clone(&scene.page_pool(form)?.volume))),
+        None => Ok((axis, scene.volume(axis.map_or(Layout::Volume, Layout::Stack), hardware, mip)?)),
+    };
+    axes.into_iter().map(volume).collect()
+}
+
+/// Returns whether a technique reads samples through the sampler's filter, and mip levels.
+fn reads(technique: &dyn GridTechnique) -> [bool; 2] {
+    let options = technique.options();
+    [options.filter == Filter::Hardware, options.prefilter == Prefilter::Mip]
 }
 
 impl<T: GridTechnique + TechniqueOptions + 'static> Draw for T {
@@ -136,12 +135,14 @@ impl GridFrame {
             ));
         }
         let axis = technique.stack_axis(grid, view, None);
-        let (volumes, pages) = volumes(scene, technique.as_ref(), axis)?;
-        let current = volumes.iter().position(|&(of, _)| of == axis).unwrap_or(0);
-        let Some((_, volume)) = volumes.get(current) else { return Err(Error::invalid(name, "no volume")) };
+        let [hardware, mip] = reads(technique.as_ref());
+        let layout = axis.map_or(Layout::Volume, Layout::Stack);
+        let pages = scene.pages_of(layout, hardware, mip)?;
         if pages.is_some() {
             check_paged(name, technique.as_ref(), route, target)?;
         }
+        let volumes = volumes(scene, technique.as_ref(), axis, pages)?;
+        let Some((_, volume)) = volumes.first() else { return Err(Error::invalid(name, "no volume")) };
         let pixels = view.extent().map(u64::from).iter().product();
         let margin =
             (scene.scene().mode != Mode::Maximum).then(|| scene.margin(technique.segments().as_ref()));
@@ -164,7 +165,7 @@ impl GridFrame {
         };
         let measure = DepthMeasure::of_grid(grid);
         let scene = Arc::clone(scene);
-        Ok(Self { name, scene, measure, technique, knots, image, samples, current, cut, path, paging })
+        Ok(Self { name, scene, measure, technique, knots, image, samples, current: 0, cut, path, paging })
     }
 
     /// Records the slabs of a view.

@@ -106,8 +106,9 @@ impl ShearFrame {
             (Stacks::Used, axes) => axes.to_vec(),
         };
         let hardware = options.grid.filter == Filter::Hardware;
-        let (form, paged) = scene.form(Layout::Stack(axes.first().copied().unwrap_or(2)), hardware, false)?;
-        let pages = paged.then_some(form);
+        let layout = Layout::Stack(axes.first().copied().unwrap_or(2));
+        let pages = scene.pages_of(layout, hardware, false)?;
+        let paged = pages.is_some();
         // A pool serves every axis.
         let axes = if paged { vec![0, 1, 2] } else { axes };
         let volume = |&axis: &usize| match pages {
