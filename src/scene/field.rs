@@ -3,10 +3,10 @@
 use glam::DVec3;
 
 use super::gaussians::{GaussianParts, Gaussians};
-use super::grid::{Grid, sample_count};
+use super::grid::Grid;
 use super::kernel::named;
 use super::points::Points;
-use super::samples::Samples;
+use super::samples::{Samples, sample_count};
 use super::tets::{TetScalars, Tets};
 use crate::error::{Error, Result};
 use crate::num;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
-use super::samples::Samples;
+use super::samples::{MIN_SIDE, Samples, sample_count};
 use crate::error::{Error, Result};
 use crate::num;
 
@@ -72,7 +72,7 @@ pub struct Grid {
 
 impl Grid {
     /// The smallest number of samples along an axis.
-    pub const MIN_SIDE: u32 = 2;
+    pub const MIN_SIDE: u32 = MIN_SIDE;
 
     /// Makes a grid of unit spacing along the world's axes, at the origin.
     ///
@@ -340,16 +340,6 @@ impl Grid {
 /// Returns the lengths of the columns.
 fn lengths(m: DMat3) -> DVec3 {
     DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
-}
-
-/// Checks that each extent is at least [`Grid::MIN_SIDE`]; returns the number of samples, or `None` if memory cannot address them.
-pub(super) fn sample_count(dims: [u32; 3]) -> Result<Option<usize>> {
-    if let Some(extent) = dims.iter().find(|&&extent| extent < Grid::MIN_SIDE) {
-        let least = Grid::MIN_SIDE;
-        let why = format!("{dims:?} has {extent}: every extent must be at least {least} samples");
-        return Err(Error::invalid("grid extent", why));
-    }
-    Ok(dims.iter().try_fold(1_usize, |n, &extent| n.checked_mul(num::index(extent))))
 }
 
 /// Returns the corners of a box; bit 0 of the place selects the high x, bit 1 the high y, bit 2 the high z.
