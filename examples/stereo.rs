@@ -79,7 +79,9 @@ fn main() -> Result<()> {
                 return Ok(bytes);
             }
             for (plan, view) in plans.iter_mut().zip(views) {
-                *plan = prepare(view)?;
+                if !plan.load()? {
+                    *plan = prepare(view)?;
+                }
             }
         }
     };

@@ -1345,7 +1345,8 @@ typedef struct vr_status {
      */
     size_t struct_size;
     /**
-     * Whether everything was drawn. VK_FALSE if a capacity was too small: call vr_plan_prepare() and draw the frame again.
+     * Whether everything was drawn. VK_FALSE if pages of a grid are missing: call vr_plan_load(); or if a capacity was too small: call
+     * vr_plan_prepare(). Then draw the frame again.
      */
     VkBool32 complete;
     /**
@@ -1817,6 +1818,21 @@ enum vr_result vr_plan_set_view(struct vr_plan *plan,
                                 const struct vr_view *view);
 
 /**
+ * Loads what the last recording lacked of a grid that is kept in pages, since the device has no room for the whole, where vr_status::complete
+ * is VK_FALSE. VR_OK says that a recording of the same view goes on with the image; VR_NO_ROOM that nothing was lacking: call
+ * vr_plan_prepare() then. Reads the source of the data, submits and waits.
+ *
+ * Fails with VR_ERROR_INVALID while a recording is not completed, with errors of the data's source, and as vr_plan_create().
+ *
+ * Threads: any; calls with one plan wait for each other.
+ *
+ * # Safety
+ *
+ * Pointers are NULL or valid.
+ */
+enum vr_result vr_plan_load(struct vr_plan *plan);
+
+/**
  * Makes a plan anew for a view of any size, with the capacity that earlier frames lacked. Resources of its recordings live until
  * these are completed. May allocate, compile, upload, submit and wait.
  *
@@ -1960,4 +1976,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 9d269a97798ee3d7 */
+/* Checksum of the sources: 1ae1c70b3ac64858 */

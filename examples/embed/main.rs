@@ -180,8 +180,11 @@ impl Engine<'_> {
             let passes = status.passes.iter().map(|pass| format!(" {} {:.2} ms", pass.name, pass.ms));
             println!("frame {}:{}", pending.frame, passes.collect::<String>());
             if !status.complete {
-                // The next plan has the capacity that this one lacked. A program with a window would show the frame and go on.
-                slot.plan = None;
+                // The next recording has the pages, or the next plan the capacity, that this one lacked. A program with a window would show
+                // the frame and go on.
+                if !slot.plan.as_mut().map_or(Ok(false), Plan::load)? {
+                    slot.plan = None;
+                }
                 self.record(slot, pending.frame)?;
                 self.submit(slot)?;
                 return self.finish(slot);

@@ -120,6 +120,27 @@ pub unsafe extern "C" fn vr_plan_set_view(plan: *mut vr_plan, view: *const vr_vi
     })
 }
 
+/// Loads what the last recording lacked of a grid that is kept in pages, since the device has no room for the whole, where vr_status::complete
+/// is VK_FALSE. VR_OK says that a recording of the same view goes on with the image; VR_NO_ROOM that nothing was lacking: call
+/// vr_plan_prepare() then. Reads the source of the data, submits and waits.
+///
+/// Fails with VR_ERROR_INVALID while a recording is not completed, with errors of the data's source, and as vr_plan_create().
+///
+/// Threads: any; calls with one plan wait for each other.
+///
+/// # Safety
+///
+/// Pointers are NULL or valid.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vr_plan_load(plan: *mut vr_plan) -> vr_result {
+    // SAFETY: the caller's promise.
+    let caller = unsafe { Caller::trusted() };
+    caught(|| {
+        let plan = caller.reference(plan, "plan")?;
+        Ok(if lock(&plan.plan, "plan")?.load()? { vr_result::VR_OK } else { vr_result::VR_NO_ROOM })
+    })
+}
+
 /// Makes a plan anew for a view of any size, with the capacity that earlier frames lacked. Resources of its recordings live until
 /// these are completed. May allocate, compile, upload, submit and wait.
 ///

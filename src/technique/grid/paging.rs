@@ -29,6 +29,7 @@ pub(crate) struct Paging {
     /// How far each ray has come.
     rays: Arc<Buffer>,
     missed: Arc<Missed>,
+    view: View,
     order: PageOrder,
     /// Whether the next recording goes on with the image of the last one.
     resumes: AtomicBool,
@@ -60,7 +61,7 @@ impl Paging {
         let read = download(gpu, &format!("{name}.missed"), READ_BYTES)?;
         let missed = Arc::new(Missed { read, pool: Arc::clone(&pool) });
         let order = PageOrder::new(scene.grid()?, view);
-        Ok(Self { pool, table, wanted, rays, missed, order, resumes: AtomicBool::new(false) })
+        Ok(Self { pool, table, wanted, rays, missed, view: *view, order, resumes: AtomicBool::new(false) })
     }
 
     /// The words of the bricks in the pool's slots.
@@ -88,8 +89,11 @@ impl Paging {
 
     /// Changes to another view.
     pub(crate) fn set_view(&mut self, scene: &GpuScene, view: &View) -> Result<()> {
-        self.order = PageOrder::new(scene.grid()?, view);
-        self.resumes = AtomicBool::new(false);
+        if self.view != *view {
+            self.order = PageOrder::new(scene.grid()?, view);
+            self.view = *view;
+            self.resumes = AtomicBool::new(false);
+        }
         Ok(())
     }
 
