@@ -13,7 +13,7 @@ use crate::resident::cache::Cache;
 use crate::resident::clock::{Clock, UploadTimes};
 use crate::resident::light;
 use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives};
-use crate::resident::pages::{BrickWords, PagePool, PageTable};
+use crate::resident::pages::{BrickWords, PagePool, PageTable, is_one_page};
 use crate::resident::splats::trained::TrainedSet;
 use crate::resident::splats::{SplatNeeds, SplatSet};
 use crate::resident::surfaces::SurfaceData;
@@ -300,10 +300,12 @@ impl GpuScene {
         let grid = self.grid()?;
         let form = Form::new(&self.gpu, grid, layout, for_filter, mip)?;
         let pages = Form::new(&self.gpu, grid, Layout::Volume, for_filter, false)?;
-        let in_memory = !matches!(grid.samples(), Samples::OnDemand(_));
-        let fits = in_memory
-            && self.gpu.page_pool().is_none()
-            && (self.grid.volumes.has(&form) || (!self.grid.pools.has(&pages) && form.fits(&self.gpu, grid)));
+        if matches!(grid.samples(), Samples::OnDemand(_)) || self.gpu.page_pool().is_some() {
+            return Ok(Some(pages));
+        }
+        let fits = is_one_page(grid)
+            || self.grid.volumes.has(&form)
+            || (!self.grid.pools.has(&pages) && form.fits(&self.gpu, grid));
         Ok((!fits).then_some(pages))
     }
 

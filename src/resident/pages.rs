@@ -26,6 +26,11 @@ fn pages_of(dims: [u32; 3]) -> [u32; 3] {
     dims.map(|n| n.saturating_sub(1).div_ceil(PAGE).max(1))
 }
 
+/// Returns whether a grid is one page, which needs no less memory in a pool.
+pub(crate) fn is_one_page(grid: &Grid) -> bool {
+    product(pages_of(grid.dims())) == 1
+}
+
 /// Returns the product of extents.
 fn product(extents: [u32; 3]) -> u32 {
     extents.iter().fold(1, |n, &extent| n.saturating_mul(extent))

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::gpu::shader::{
     INTEGRATOR_EXACT, INTEGRATOR_FULL, INTEGRATOR_INTEGRAL, INTEGRATOR_MIDPOINT, INTEGRATOR_SMOKE, Optics,
 };
-use crate::gpu::{Buffer, Gpu, Image, ImageDesc};
+use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Step};
 use crate::interface::TableHead;
 use crate::num::{self, f32_of};
 use crate::optics::DeviceKnots;
@@ -128,7 +128,7 @@ impl Table {
     pub(crate) fn nothing(gpu: &Gpu, stack: bool) -> Result<Arc<Image>> {
         let volume = ImageDesc::sampled_volume(TABLE_FORMAT, [1; 3]);
         let desc = if stack { ImageDesc::sampled_stack(TABLE_FORMAT, [1; 2], 2) } else { volume };
-        Image::with_data(gpu, "no texels", &desc, |_, _, memory| memory.fill(0))
+        Image::with_data(gpu, Step::STAND_IN, &desc, |_, _, memory| memory.fill(0))
     }
 }
 
