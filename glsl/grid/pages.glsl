@@ -48,20 +48,51 @@ ivec3 slot_of(uint word) {
 // The page that this invocation has last found; a texel of the pool is `pool_first` beyond its index.
 vec3 last_page = vec3(-1.0), pool_first;
 
-// Finds the page of the cell at an index of the grid, none of whose components is below 0. Returns whether it is held.
-bool find_page(vec3 cell, ivec3 strides) {
+// Looks up a page. Returns whether it is held; else notes that it is missed, unless nothing is visible in it.
+bool look_up(ivec3 page, ivec3 strides, out bool hidden) {
+    int number = page.x * strides.x + page.y * strides.y + page.z * strides.z;
+    uint word = page_words[PAGES_FIRST + number];
+    bool held = (word & PAGE_HELD) != 0u;
+    hidden = (word & PAGE_HIDDEN) != 0u;
+    if (held) pool_first = vec3(slot_of(word) * PAGE_TEXELS + 1 - page * PAGE);
+    else if (!hidden) missed_page = uint(number) + 1u;
+    return held;
+}
+
+// Finds a cell of a page that shows nothing, and is not held, in the apron of a page beside it that shows something. Returns whether one is
+// held; else a page is missed: one of those, or the page itself.
+bool find_beside(ivec3 page, vec3 cell, ivec3 strides, vec3 last) {
+    vec3 local = cell - vec3(page * PAGE);
+    ivec3 beside = ivec3(equal(local, vec3(float(PAGE - 1)))) - ivec3(equal(local, vec3(0.0)));
+    ivec3 most = ivec3((last - 1.0) / float(PAGE));
+    for (int axes = 1; axes < 8; ++axes) {
+        ivec3 chosen = ivec3(axes & 1, axes >> 1 & 1, axes >> 2), other = page + beside * chosen;
+        bool hidden, exists = all(notEqual(chosen * abs(beside) - chosen, ivec3(-1))) && other == clamp(other, ivec3(0), most);
+        if (exists && look_up(other, strides, hidden)) {
+            missed_page = 0u;
+            return true;
+        }
+    }
+    if (missed_page == 0u) missed_page = uint(page.x * strides.x + page.y * strides.y + page.z * strides.z) + 1u;
+    return false;
+}
+
+// Finds the page of the cell at an index of the grid. Returns whether its samples are held; around the cell (`around`) only where its own page is.
+bool find_page(vec3 cell, bool around, ivec3 strides, vec3 last) {
     vec3 place = floor(cell / float(PAGE));
+    bool held = true;
     // (A loop, because software rasterisers execute branches that no invocation takes.)
     for (uint once = 0u; once < uint(place != last_page); ++once) {
+        bool hidden;
         ivec3 page = whole_of(place);
-        int number = page.x * strides.x + page.y * strides.y + page.z * strides.z;
-        uint word = page_words[PAGES_FIRST + number];
-        bool held = (word & PAGE_HELD) != 0u;
-        pool_first = vec3(slot_of(word) * PAGE_TEXELS + 1 - page * PAGE);
+        held = look_up(page, strides, hidden);
         last_page = held ? place : vec3(-1.0);
-        if (!held) missed_page = uint(number) + 1u;
+        if (!held && hidden) {
+            if (around) missed_page = uint(page.x * strides.x + page.y * strides.y + page.z * strides.z) + 1u;
+            else held = find_beside(page, cell, strides, last);
+        }
     }
-    return last_page.x >= 0.0;
+    return held;
 }
 
 // Interpolates between the eight texels from i to j at one level.
@@ -83,7 +114,8 @@ float between_texels(sampler3D texels, ivec3 i, ivec3 j, vec3 w, int level) {
 // Returns the stored value at an offset, of at most a cell along each axis, from an index of the grid, on whose page it is found. `last` is the
 // greatest index; it interpolates along the axes whose component of `along` is 1, and the others are 0. Returns 0 where that page is missed.
 float stored_on_page(sampler3D pool, vec3 index, vec3 offset, vec3 along, vec3 last, Lattice lattice) {
-    if (!find_page(clamp(floor(index), vec3(0.0), last - 1.0), lattice.pages)) return 0.0;
+    bool around = offset != vec3(0.0);
+    if (!find_page(clamp(floor(index), vec3(0.0), last - 1.0), around, lattice.pages, last)) return 0.0;
     index = clamp(index + offset, vec3(0.0), last);
     if (!FILTER_EXACT) {
         ++taken_fetches;

@@ -247,7 +247,11 @@ impl PagePool {
         let passed = |at: f64| at <= key(first);
         let rank = |at: f64| if passed(at) { (0, at) } else { (1, -at) };
         slots.sort_by(|a, b| rank(a.1).partial_cmp(&rank(b.1)).unwrap_or(std::cmp::Ordering::Equal));
-        let pairs = wanted.into_iter().zip(slots).take_while(|&(page, (_, at))| passed(at) || at > key(page));
+        // Only the next pages make others leave: then hardly a ray needs again what has left.
+        let is_next = |page: u32| key(page) <= key(first) + 1.0;
+        let pairs = wanted.into_iter().zip(slots).take_while(|&(page, (_, at))| {
+            at == f64::NEG_INFINITY || is_next(page) && (passed(at) || at > key(page))
+        });
         let pairs: Vec<(u32, u32)> = pairs.map(|(page, (slot, _))| (page, slot)).collect();
 
         let batch = num::usize_of_u64(state.staging.size()) / self.page_bytes();
@@ -297,7 +301,8 @@ impl PagePool {
         let (mut cubes, mut filled) = (Vec::new(), Vec::new());
         for (page, slot) in pages {
             state.changed.push(page.number);
-            let (Some(slot), Some(place)) = (slot, places.next()) else { continue };
+            let Some(slot) = slot else { continue };
+            let Some(place) = places.next() else { break };
             place[..page.texels.len()].copy_from_slice(&page.texels);
             let corner = place_of(slot, self.slots).map(|place| place * PAGE_TEXELS);
             cubes.push((num::wide(cubes.len() * self.page_bytes()), corner));

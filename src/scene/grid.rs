@@ -263,14 +263,22 @@ impl Grid {
     /// Errors of the source of samples on demand.
     pub(crate) fn cube(&self, corner: [i64; 3], side: u32) -> Result<Samples> {
         fn cube<T: Copy>(values: &[T], dims: [usize; 3], corner: [i64; 3], side: i64) -> Vec<T> {
-            let places = |axis: usize| {
+            let place = |axis: usize, at: i64| {
                 let last = i64::try_from(dims[axis]).unwrap_or(i64::MAX) - 1;
-                (corner[axis]..corner[axis] + side)
-                    .map(move |i| usize::try_from(i.clamp(0, last)).unwrap_or(0))
+                usize::try_from((corner[axis] + at).clamp(0, last)).unwrap_or(0)
             };
-            let columns: Vec<usize> = places(0).collect();
-            let rows = places(2).flat_map(|z| places(1).map(move |y| (z * dims[1] + y) * dims[0]));
-            rows.flat_map(|row| columns.iter().map(move |x| values[row + x])).collect()
+            let [first, last] = [place(0, 0), place(0, side - 1)];
+            // Samples that stand before the first, and beyond the last.
+            let before = usize::try_from((-corner[0]).clamp(0, side - 1)).unwrap_or(0);
+            let mut all = Vec::with_capacity(usize::try_from(side.pow(3)).unwrap_or(0));
+            for (z, y) in (0..side).flat_map(|z| (0..side).map(move |y| (z, y))) {
+                let row = (place(2, z) * dims[1] + place(1, y)) * dims[0];
+                let end = all.len() + usize::try_from(side).unwrap_or(0);
+                all.resize(all.len() + before, values[row + first]);
+                all.extend_from_slice(&values[row + first..=row + last]);
+                all.resize(end, values[row + last]);
+            }
+            all
         }
         let (mut dims, mut corner, side) = (self.dims, corner, i64::from(side));
         let part;

@@ -32,14 +32,15 @@ impl SampleSource for InFile {
         let mut samples = Values::none(kind, components, pick);
         let full = |_| self.source.error("data", format!("a box of {extent:?} samples: memory is full"));
         samples.reserve(width * height * depth).map_err(full)?;
-        let mut bytes = vec![0; run * num::usize_of_u64(tuple)];
-        for (k, j) in (0..runs[1]).flat_map(|k| (0..runs[0]).map(move |j| (k, j))) {
+        let mut bytes = vec![0; width * height * depth * num::usize_of_u64(tuple)];
+        let places = (0..runs[1]).flat_map(|k| (0..runs[0]).map(move |j| (k, j)));
+        for ((k, j), bytes) in places.zip(bytes.chunks_exact_mut(run * num::usize_of_u64(tuple))) {
             let [x, y, z] = [first[0], first[1] + num::count(j), first[2] + num::count(k)].map(u64::from);
             let offset = self.offset + ((z * ny + y) * nx + x) * tuple;
-            self.source.fill(offset, &mut bytes).map_err(|error| self.failed(offset, &error))?;
-            append(&mut &*bytes, run, &self.layout, &mut samples)
-                .map_err(|error| self.failed(offset, &error))?;
+            self.source.fill(offset, bytes).map_err(|error| self.failed(offset, &error))?;
         }
+        append(&mut &*bytes, width * height * depth, &self.layout, &mut samples)
+            .map_err(|error| self.failed(self.offset, &error))?;
         Ok(samples.into_samples())
     }
 }
