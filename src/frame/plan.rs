@@ -270,10 +270,14 @@ impl Plan {
 
     /// Records what clears before all other steps.
     fn record_begin(&self, recorder: &mut Recorder<'_>) {
+        // A recording that goes on with an image adds to what the last one has found.
+        if self.prepared.resumes() {
+            return;
+        }
         if let Some(counts) = &self.counts {
             counts.record_begin(recorder);
         }
-        if let Some(hit_depths) = self.hit_depths.as_ref().filter(|_| !self.prepared.resumes()) {
+        if let Some(hit_depths) = &self.hit_depths {
             hit_depths.record_begin(recorder);
         }
     }

@@ -112,6 +112,22 @@ fn images_are_those_of_the_whole_grid() {
     }
 }
 
+/// Counts are those of all sweeps: what is sampled of the whole grid, and once more where a ray has missed a page.
+#[test]
+fn counts_are_those_of_all_sweeps() {
+    let scene = Scene::new(Field::Blobs.sample(DIMS, "f32").unwrap(), fog());
+    let taken = |gpu: &volraster::Gpu| {
+        let scene = GpuScene::new(gpu, scene.clone());
+        let counts = Renderer::new(&scene, technique("slabs:filter=exact")).count(&views()[0]).unwrap();
+        counts.iter().find(|(key, _)| *key == "samples").map_or(0, |(_, n)| *n)
+    };
+    let [whole, few] = [taken(&gpu()), taken(&gpu_with(pool(2, 4)))];
+    assert!(
+        whole > 10_000 && (whole..whole + whole / 10).contains(&few),
+        "{few} samples, of the whole {whole}"
+    );
+}
+
 /// Where most pages show nothing, and many are loaded at a time, they take no slots: the image is the same to the bit, and a page is read
 /// once but for a few.
 #[test]
