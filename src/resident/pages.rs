@@ -316,7 +316,7 @@ impl PagePool {
         }
         let sent = self.send(state, cubes, &filled);
         if sent.is_err() {
-            // What the slots hold is unknown then, and the tables of the device are as they were: `changed` stays.
+            // The contents of the slots are unknown then, and the tables of the device are as they were: `changed` stays.
             for slot in filled {
                 let page = state.page_in[num::index(slot)].take();
                 page.into_iter().for_each(|page| state.slot_of[num::index(page)] = 0);

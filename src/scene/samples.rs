@@ -355,6 +355,10 @@ impl Overview {
                     ));
                 }
             }
+            if row.len() != num::index(dims[0]) {
+                let why = format!("{} in a row: {} were asked for", row.len(), dims[0]);
+                return Err(Error::invalid("samples of a source", why));
+            }
         }
         let samples = samples.ok_or_else(|| Error::invalid("samples of a source", "there are none"))?;
         Ok(Self { dims: counts, strides, samples })
