@@ -10,9 +10,12 @@ use crate::io::build::file_names::{in_order, is_number, pieces};
 use crate::io::file::source::{Source, list};
 use crate::io::formats::dicom::{self, recognise};
 use crate::io::formats::gaussian::sog;
+#[cfg(not(feature = "zarr"))]
 use crate::io::formats::refused;
 use crate::io::formats::series;
 use crate::io::formats::tiff::{self, file};
+#[cfg(feature = "zarr")]
+use crate::io::formats::zarr;
 use crate::io::options::{ReadOptions, Request, Wanted};
 use crate::io::reader::Reader as _;
 use crate::io::registry::{by_content, by_name, checked, read_source};
@@ -79,6 +82,9 @@ fn as_arrays(Loaded { data, mut report }: Found) -> Loaded<DataFile> {
 fn find(path: &Path, request: &Request) -> Result<Found> {
     let Some(steps) = series::steps(path, request)? else {
         return match request.step {
+            // An image may itself have steps.
+            #[cfg(feature = "zarr")]
+            Some(_) if zarr::metadata::file_in(path).is_some() => find_one(path, request),
             Some(step) => Err(Error::file(path, format!("step {step}"), "this is no series of time steps")),
             None => find_one(path, request),
         };
@@ -96,8 +102,13 @@ fn find(path: &Path, request: &Request) -> Result<Found> {
 
 /// Finds the reader of a file or a folder that is no series, and reads it.
 fn find_one(path: &Path, request: &Request) -> Result<Found> {
+    #[cfg(not(feature = "zarr"))]
     if let Some(refusal) = refused::folder(path) {
         return Err(refusal);
+    }
+    #[cfg(feature = "zarr")]
+    if let Some(metadata) = zarr::metadata::file_in(path) {
+        return read_source(&Source::open(&metadata, request)?, request);
     }
     if path.is_dir() {
         // Images of splats are no files of their own.

@@ -5,6 +5,8 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::io::build::origin::{is_near, too_far};
 use crate::io::file::source::Source;
+#[cfg(feature = "zarr")]
+use crate::io::formats::zarr;
 use crate::io::formats::{
     csv, dicom, gaussian, gmsh, metaimage, nifti, npy, nrrd, ply, raw, refused, tiff, vtk_legacy, vtk_xml,
 };
@@ -30,6 +32,8 @@ static READERS: &[&dyn Reader] = &[
     &ply::Ply,
     &csv::Csv,
     &tiff::Tiff,
+    #[cfg(feature = "zarr")]
+    &zarr::Zarr,
     &gaussian::ksplat::Ksplat,
     &gaussian::splat::Splat,
     &raw::Raw,

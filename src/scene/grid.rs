@@ -312,7 +312,8 @@ impl Grid {
         let overview = samples.overview();
         let coarse = Self {
             dims: overview.dims,
-            spacing: self.spacing * DVec3::from_array(overview.strides.map(f64::from)),
+            spacing: self.spacing * DVec3::from_array(overview.step),
+            origin: self.origin + self.direction * (self.spacing * DVec3::from_array(overview.first)),
             samples: Arc::new(overview.samples.clone()),
             ..self.clone()
         };

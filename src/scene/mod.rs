@@ -49,8 +49,10 @@ pub use mode::{Lighting, Mode};
 pub use opacity::Opacity;
 pub use points::{KernelSize, Points};
 pub use rule::SplatRule;
+#[cfg(feature = "zarr")]
+pub(crate) use samples::OVERVIEW;
 pub(crate) use samples::SampleKind;
-pub use samples::{OnDemand, SampleSource, Samples};
+pub use samples::{OnDemand, Overview, SampleSource, Samples};
 pub use surface::{Shading, Surface};
 #[cfg(any(test, feature = "io"))]
 pub(crate) use tets::Orientation;

@@ -161,6 +161,15 @@ pub trait SampleSource: fmt::Debug + Send + Sync {
     ///
     /// Errors of the source, in one line that names it.
     fn read(&self, first: [u32; 3], extent: [u32; 3]) -> Result<Samples>;
+
+    /// Returns coarser samples of the whole grid, if the source has some; otherwise rows are read for them.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`].
+    fn overview(&self) -> Result<Option<Overview>> {
+        Ok(None)
+    }
 }
 
 /// Samples that are read from their source when they are needed.
@@ -178,13 +187,17 @@ struct Inner {
     failure: Mutex<Option<Error>>,
 }
 
-/// Samples at equal distances along each axis, beginning with the first.
-#[derive(Debug)]
-pub(crate) struct Overview {
-    pub(crate) dims: [u32; 3],
-    /// Samples from one to the next along each axis.
-    pub(crate) strides: [u32; 3],
-    pub(crate) samples: Samples,
+/// Coarser samples of a grid, on a lattice along the same axes.
+#[derive(Clone, Debug)]
+pub struct Overview {
+    /// Number of samples along each axis.
+    pub dims: [u32; 3],
+    /// Where the first one lies, in indices of the grid.
+    pub first: [f64; 3],
+    /// The distance of two along each axis, in indices of the grid.
+    pub step: [f64; 3],
+    /// The samples in memory, x fastest, of the type of the grid's.
+    pub samples: Samples,
 }
 
 /// Cubes of samples that were read last, for single samples.
@@ -201,11 +214,11 @@ const CUBE: u32 = 32;
 /// Bytes of cubes that are held.
 const HELD: usize = 256 << 20;
 
-/// Most samples along an axis of an overview.
-const OVERVIEW: u32 = 64;
+/// Most samples along an axis of an overview that is made of rows.
+pub(crate) const OVERVIEW: u32 = 128;
 
 impl OnDemand {
-    /// Takes a source of `dims` samples, and reads an overview of at most 64 along each axis.
+    /// Takes a source of `dims` samples and an overview: the source's, or one of at most 128 along each axis, which is read.
     ///
     /// # Errors
     ///
@@ -214,8 +227,10 @@ impl OnDemand {
         sample_count(dims)?
             .ok_or_else(|| Error::invalid("grid extent", format!("{dims:?} overflows the address space")))?;
         let kind = source.read([0; 3], [1; 3])?.kind();
-        let strides = dims.map(|n| n.div_ceil(OVERVIEW));
-        let overview = Overview::read(&source, dims, strides)?;
+        let overview = match source.overview()? {
+            Some(overview) => overview.checked(kind)?,
+            None => Overview::read(&source, dims)?,
+        };
         let source = Box::new(source);
         Ok(Self(Arc::new(Inner {
             source,
@@ -241,7 +256,9 @@ impl OnDemand {
         self.0.dims.iter().map(|&n| num::index(n)).product()
     }
 
-    pub(crate) fn overview(&self) -> &Overview {
+    /// Returns coarser samples of the whole grid.
+    #[must_use]
+    pub fn overview(&self) -> &Overview {
         &self.0.overview
     }
 
@@ -328,11 +345,29 @@ impl PartialEq for OnDemand {
 }
 
 impl Overview {
-    /// Reads the rows that have samples of the overview.
-    fn read(source: &dyn SampleSource, dims: [u32; 3], strides: [u32; 3]) -> Result<Self> {
+    /// Checks what a source has given.
+    fn checked(self, kind: SampleKind) -> Result<Self> {
+        let Self { dims, first, step, samples } = &self;
+        let is_placed = first.iter().all(|x| x.is_finite()) && step.iter().all(|x| *x > 0.0 && x.is_finite());
+        let count = sample_count(*dims)?;
+        let is_held = samples.kind() == kind && !matches!(samples, Samples::OnDemand(_));
+        if !is_placed || !is_held || count != Some(samples.len()) {
+            let why = format!(
+                "{} of type {} for {dims:?} from {first:?} on, {step:?} apart: must be as many, of the source's type, and their distances positive",
+                samples.len(),
+                samples.type_name()
+            );
+            return Err(Error::invalid("overview of a source", why));
+        }
+        Ok(self)
+    }
+
+    /// Reads the rows that have every so many samples of the grid.
+    fn read(source: &dyn SampleSource, dims: [u32; 3]) -> Result<Self> {
         fn every<T: Copy>(all: &mut Vec<T>, row: &[T], stride: u32) {
             all.extend(row.iter().step_by(num::index(stride)));
         }
+        let strides = dims.map(|n| n.div_ceil(OVERVIEW));
         let counts = [0, 1, 2].map(|a| dims[a].div_ceil(strides[a]));
         let mut samples: Option<Samples> = None;
         for (z, y) in (0..counts[2]).flat_map(|z| (0..counts[1]).map(move |y| (z, y))) {
@@ -361,6 +396,6 @@ impl Overview {
             }
         }
         let samples = samples.ok_or_else(|| Error::invalid("samples of a source", "there are none"))?;
-        Ok(Self { dims: counts, strides, samples })
+        Ok(Self { dims: counts, first: [0.0; 3], step: strides.map(f64::from), samples })
     }
 }

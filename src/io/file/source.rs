@@ -159,6 +159,12 @@ impl Source {
         Ok(names)
     }
 
+    /// Whether this is a file on disk, beside which others are.
+    #[cfg(feature = "zarr")]
+    pub(crate) fn is_on_disk(&self) -> bool {
+        matches!(&*self.body, Body::File(_))
+    }
+
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }

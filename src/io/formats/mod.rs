@@ -22,3 +22,5 @@ pub(crate) mod tiff;
 pub(crate) mod triangles;
 pub(crate) mod vtk_legacy;
 pub(crate) mod vtk_xml;
+#[cfg(feature = "zarr")]
+pub(crate) mod zarr;

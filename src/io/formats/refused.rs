@@ -1,5 +1,6 @@
 //! Formats that are recognised but not read: the error names the format and suggests a conversion.
 
+#[cfg(not(feature = "zarr"))]
 use std::path::Path;
 
 use crate::error::Error;
@@ -24,7 +25,8 @@ const ARRAY: &str = "write the wanted array as NRRD, NPY or VTK";
 const GRID: &str = "write a dense grid as NRRD or NPY";
 const ARCHIVE: &str = "unpack it and give the file, or for a series the folder";
 const STUDIES: &str = "a DICOMDIR lists studies and holds no samples: give the folder of one series";
-const ZARR: &str = "write the array as NRRD, NPY or TIFF";
+#[cfg(not(feature = "zarr"))]
+const ZARR: &str = "this build is without the feature `zarr`";
 
 /// The formats, special ones before general ones: EXODUS files are NetCDF or HDF5 files.
 static FORMATS: &[Format] = &[
@@ -93,10 +95,12 @@ static FORMATS: &[Format] = &[
     Format("DICOMDIR", STUDIES, |s| named(s, "dicomdir") && at(s, 128, b"DICM"), &[]),
     #[cfg(not(feature = "dicom"))]
     Format("DICOM", "this build is without the feature `dicom`", |s| at(s, 128, b"DICM"), &["dcm"]),
+    #[cfg(not(feature = "zarr"))]
     Format("Zarr", ZARR, |s| ZARR_FILES.iter().any(|name| named(s, name)), &[]),
 ];
 
 const ZIP: &[&[u8]] = &[b"PK\x03\x04", b"PK\x05\x06"];
+#[cfg(not(feature = "zarr"))]
 const ZARR_FILES: [&str; 4] = [".zarray", ".zgroup", ".zattrs", "zarr.json"];
 
 /// Returns the error for a file whose content is of an unsupported format.
@@ -112,6 +116,7 @@ pub(crate) fn by_name(source: &Source) -> Option<Error> {
 }
 
 /// Returns the error for a folder that is a data set of an unsupported format.
+#[cfg(not(feature = "zarr"))]
 pub(crate) fn folder(path: &Path) -> Option<Error> {
     let zarr = path.is_dir() && ZARR_FILES.iter().any(|name| path.join(name).is_file());
     zarr.then(|| Error::file(path, "folder", format!("Zarr is not supported: {ZARR}")))

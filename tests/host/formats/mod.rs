@@ -34,6 +34,7 @@ mod triangles;
 mod vtk_legacy;
 mod vtk_xml;
 mod write;
+mod zarr;
 
 /// The samples of each reader, by the name of its fuzz target.
 fn seeds() -> Vec<(&'static str, Vec<support::Sample>)> {

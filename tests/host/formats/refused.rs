@@ -2,7 +2,7 @@
 
 use volraster::io::{known_formats, read, read_memory};
 
-use super::support::{self, Folder, OPTIONS, Sample, gzip};
+use super::support::{self, OPTIONS, Sample, gzip};
 
 /// Reads a file in memory that must be refused with these parts.
 #[track_caller]
@@ -89,7 +89,6 @@ fn magic_bytes_decide() {
     refused("a.tar.gz", gzip(&at(257, b"ustar", 512)), &["content: tar"]);
     refused("a.bgeo", gzip(b"BgeoV\0\0\0\x05"), &["content: Houdini BGEO"]);
     refused("a.mrc", at(208, b"MAP ", 1024), &["content: MRC"]);
-    refused(".zarray", "{\"zarr_format\": 2}", &["Zarr", "NRRD"]);
     if !known_formats().contains("DICOM") {
         refused("DICOMDIR", at(128, b"DICM", 200), &["DICOMDIR", "folder of one series"]);
     }
@@ -208,19 +207,6 @@ fn binary_surfaces_are_found_by_their_size() {
     refused("a.any", stl(3, 3), &["content: STL", "no inside"]);
     for bytes in [stl(3, 4), stl(u32::MAX, 3), stl(0, 0)] {
         Sample::one("no surface", "a.any", bytes).refused(&["unknown format"]);
-    }
-}
-
-#[test]
-fn folders_of_zarr_are_refused_by_name() {
-    let folder = Folder::new();
-    let names = [".zarray", ".zgroup", ".zattrs", "zarr.json"];
-    for (i, name) in names.into_iter().enumerate() {
-        let zarr = folder.path(&format!("{i}.zarr"));
-        std::fs::create_dir(&zarr).unwrap();
-        std::fs::write(zarr.join(name), "{}").unwrap();
-        let error = read(&zarr, &OPTIONS).unwrap_err();
-        support::assert_refusal(&error, &["folder: Zarr is not supported", "NRRD"], name);
     }
 }
 
