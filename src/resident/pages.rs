@@ -3,7 +3,6 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
-use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
@@ -129,35 +128,77 @@ impl Page {
     }
 }
 
-/// The order in which rays of a view meet pages: no ray meets a page after one with a greater key.
+/// The order in which rays of a view meet pages: from page to page, the layer of a ray grows by 1.
 ///
 /// Along each axis a ray only departs from the page of the eye, so the sum of distances along the axes grows.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct PageOrder {
     /// The page of the eye.
-    eye: Option<[f64; 3]>,
+    eye: Option<[i64; 3]>,
     /// Signs of the direction of parallel rays.
-    signs: [f64; 3],
+    signs: [i64; 3],
+    /// The first layer that has pages, and the number of pages in it and those behind.
+    first: i64,
+    sizes: Vec<u64>,
 }
 
 impl PageOrder {
     /// Derives the order from a view of a grid.
     pub(crate) fn new(grid: &Grid, view: &View) -> Self {
         let to_index = grid.index_to_world().inverse();
-        let page = |at: DVec3| (at / f64::from(PAGE)).floor().to_array();
-        let eye = view.is_perspective().then(|| page(to_index * (view.camera().eye - grid.origin())));
-        let sign = |x: f64| if x == 0.0 { 0.0 } else { x.signum() };
-        Self { eye, signs: (to_index * view.ahead()).to_array().map(sign) }
+        let pages = pages_of(grid.dims());
+        let at = (to_index * (view.camera().eye - grid.origin()) / f64::from(PAGE)).floor().to_array();
+        // From anywhere outside, pages are met in the same order as from beside them.
+        let beside =
+            |axis: usize| i64::from(num::u32_of(at[axis].clamp(-1.0, f64::from(pages[axis])) + 1.0)) - 1;
+        let eye = view.is_perspective().then(|| [0, 1, 2].map(beside));
+        let signs = (to_index * view.ahead()).to_array().map(|x| i64::from(x > 0.0) - i64::from(x < 0.0));
+        let mut order = Self { eye, signs, first: 0, sizes: vec![1] };
+        for (axis, count) in pages.into_iter().enumerate() {
+            order.widen(axis, count);
+        }
+        order
     }
 
-    fn key(&self, place: [u32; 3]) -> f64 {
-        let place = place.map(f64::from);
-        let along = |axis: usize| match self.eye {
-            Some(eye) => (place[axis] - eye[axis]).abs(),
-            None => self.signs[axis] * place[axis],
-        };
-        along(0) + along(1) + along(2)
+    /// Extends the sizes of layers from a box that is one page wide along an axis to one of so many: each layer of the one becomes a layer for
+    /// every page along the axis.
+    fn widen(&mut self, axis: usize, count: u32) {
+        let along: Vec<i64> = (0..count).map(|place| self.along(axis, i64::from(place))).collect();
+        let (Some(&low), Some(&high)) = (along.iter().min(), along.iter().max()) else { return };
+        let mut sizes = vec![0; self.sizes.len() + steps(low, high)];
+        for &distance in &along {
+            let from = steps(low, distance);
+            sizes[from..].iter_mut().zip(&self.sizes).for_each(|(sum, size)| *sum += size);
+        }
+        (self.first, self.sizes) = (self.first + low, sizes);
     }
+
+    fn along(&self, axis: usize, place: i64) -> i64 {
+        self.eye.map_or(self.signs[axis] * place, |eye| (place - eye[axis]).abs())
+    }
+
+    /// Returns the layer of a page.
+    fn layer(&self, place: [u32; 3]) -> i64 {
+        (0..3).map(|axis| self.along(axis, i64::from(place[axis]))).sum()
+    }
+
+    /// Returns the last layer of those that a pool with so many slots has room for, from a first one on, which it includes in any case.
+    fn last(&self, first: i64, slots: u32) -> i64 {
+        let mut left = u64::from(slots);
+        let sizes = self.sizes.iter().skip(steps(self.first, first));
+        let fit = sizes.take_while(|&&size| {
+            left.checked_sub(size).is_some_and(|rest| {
+                left = rest;
+                true
+            })
+        });
+        first + i64::try_from(fit.count().max(1)).unwrap_or(1) - 1
+    }
+}
+
+/// Returns how many layers after another one a layer is.
+fn steps(from: i64, to: i64) -> usize {
+    usize::try_from(to - from).unwrap_or(0)
 }
 
 impl PagePool {
@@ -226,33 +267,41 @@ impl PagePool {
         self.state().read
     }
 
-    /// Loads pages that rays miss, in the order in which rays meet them, as far as there are slots; those that rays have passed, and then the
-    /// farthest, make room. Returns whether a page is held now, or known to be hidden, that was not. Submits and waits.
+    /// Loads pages that rays miss, in the order in which rays meet them, as far as there are slots; those that rays have passed, and then
+    /// those beyond what there is room for, make room. Returns whether a page is held now that was not. Submits and waits.
     ///
     /// Frames in flight are not disturbed: the submission waits for those before it on the queue.
     pub(crate) fn load(&self, wanted: &[u32], order: &PageOrder) -> Result<bool> {
         let mut state = self.state();
         let state = &mut *state;
-        let key = |page: u32| order.key(place_of(page, self.pages));
+        let layer = |page: u32| order.layer(place_of(page, self.pages));
         let mut wanted: Vec<u32> =
             wanted.iter().copied().filter(|&page| state.slot_of.get(num::index(page)) == Some(&0)).collect();
-        wanted.sort_by(|&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
+        wanted.sort_by_key(|&page| (layer(page), page));
         wanted.dedup();
         let Some(&first) = wanted.first() else { return Ok(false) };
+        let first = layer(first);
+        // Only as many layers as there is room for: then no page leaves that a ray still needs, and each is read once.
+        let last = order.last(first, product(self.slots));
+        wanted.retain(|&page| layer(page) <= last);
 
-        // Slots in the order in which they are given up: free ones, those of pages that all rays have passed, the farthest ones.
-        let mut slots: Vec<(u32, f64)> = (0..product(self.slots))
-            .map(|slot| (slot, state.page_in[num::index(slot)].map_or(f64::NEG_INFINITY, key)))
+        // Slots in the order in which they are given up: free ones, those of pages that all rays have passed, hidden ones before others, those
+        // behind, the farthest first.
+        let tables: Vec<_> = state.tables.iter().filter_map(Weak::upgrade).collect();
+        let rank = |page: u32| match layer(page) {
+            at if at > last => Some((3, -at)),
+            at if at > first => None,
+            at => {
+                let range = state.ranges[num::index(page)];
+                Some((if tables.iter().all(|table| table.says.hides(range)) { 1 } else { 2 }, at))
+            }
+        };
+        let mut slots: Vec<(u32, (u32, i64))> = (0..product(self.slots))
+            .filter_map(|slot| Some((slot, state.page_in[num::index(slot)].map_or(Some((0, 0)), rank)?)))
             .collect();
-        let passed = |at: f64| at <= key(first);
-        let rank = |at: f64| if passed(at) { (0, at) } else { (1, -at) };
-        slots.sort_by(|a, b| rank(a.1).partial_cmp(&rank(b.1)).unwrap_or(std::cmp::Ordering::Equal));
-        // Only the next pages make others leave: then hardly a ray needs again what has left.
-        let is_next = |page: u32| key(page) <= key(first) + 1.0;
-        let pairs = wanted.into_iter().zip(slots).take_while(|&(page, (_, at))| {
-            at == f64::NEG_INFINITY || is_next(page) && (passed(at) || at > key(page))
-        });
-        let pairs: Vec<(u32, u32)> = pairs.map(|(page, (slot, _))| (page, slot)).collect();
+        slots.sort_by_key(|&(_, rank)| rank);
+        let pairs: Vec<(u32, u32)> =
+            wanted.into_iter().zip(slots).map(|(page, (slot, _))| (page, slot)).collect();
 
         let batch = num::usize_of_u64(state.staging.size()) / self.page_bytes();
         for pairs in pairs.chunks(batch.max(1)) {
@@ -262,15 +311,8 @@ impl PagePool {
             for (page, slot) in pages {
                 state.read[0] += num::wide(page.texels.len());
                 state.read[1] += 1;
-                let range = page.range();
-                let is_new = state.ranges[num::index(page.number)].replace(range).is_none();
-                let hides = |table: &Weak<PageTable>| {
-                    table.upgrade().is_none_or(|table| table.says.hides(Some(range)))
-                };
-                // A hidden page makes no other leave, unless a ray samples it all the same.
-                let stays_out =
-                    is_new && state.page_in[num::index(slot)].is_some() && state.tables.iter().all(hides);
-                loaded.push((page, Some(slot).filter(|_| !stays_out)));
+                state.ranges[num::index(page.number)] = Some(page.range());
+                loaded.push((page, slot));
             }
             self.upload(state, loaded)?;
         }
@@ -291,8 +333,8 @@ impl PagePool {
         Ok(Page { number, texels, bricks })
     }
 
-    /// Puts pages into slots, and changes the tables; a page without a slot only tells its range.
-    fn upload(&self, state: &mut State, pages: Vec<(Page, Option<u32>)>) -> Result<()> {
+    /// Puts pages into slots, and changes the tables.
+    fn upload(&self, state: &mut State, pages: Vec<(Page, u32)>) -> Result<()> {
         let memory = Arc::get_mut(&mut state.staging).and_then(Buffer::bytes_mut);
         let Some(memory) = memory else {
             return Err(Error::invalid("pages", "staging memory is not visible to the host"));
@@ -301,7 +343,6 @@ impl PagePool {
         let (mut cubes, mut filled) = (Vec::new(), Vec::new());
         for (page, slot) in pages {
             state.changed.push(page.number);
-            let Some(slot) = slot else { continue };
             let Some(place) = places.next() else { break };
             place[..page.texels.len()].copy_from_slice(&page.texels);
             let corner = place_of(slot, self.slots).map(|place| place * PAGE_TEXELS);

@@ -21,6 +21,7 @@ mod dependant;
 mod examples;
 mod films;
 mod gaussians;
+mod large;
 mod provoke;
 mod reports;
 mod selftest;

@@ -8,6 +8,9 @@ use crate::io::file::source::Source;
 use crate::num;
 use crate::scene::{SampleSource, Samples};
 
+/// The bytes that a disk gives at once.
+const BLOCK: u64 = 4096;
+
 /// Where the samples of a grid lie in a file, x fastest.
 #[derive(Debug)]
 pub(crate) struct InFile {
@@ -32,12 +35,31 @@ impl SampleSource for InFile {
         let mut samples = Values::none(kind, components, pick);
         let full = |_| self.source.error("data", format!("a box of {extent:?} samples: memory is full"));
         samples.reserve(width * height * depth).map_err(full)?;
-        let mut bytes = vec![0; width * height * depth * num::usize_of_u64(tuple)];
-        let places = (0..runs[1]).flat_map(|k| (0..runs[0]).map(move |j| (k, j)));
-        for ((k, j), bytes) in places.zip(bytes.chunks_exact_mut(run * num::usize_of_u64(tuple))) {
+        let tuple_bytes = num::usize_of_u64(tuple);
+        let mut bytes = vec![0; width * height * depth * tuple_bytes];
+        let offset = |j: usize, k: usize| {
             let [x, y, z] = [first[0], first[1] + num::count(j), first[2] + num::count(k)].map(u64::from);
-            let offset = self.offset + ((z * ny + y) * nx + x) * tuple;
-            self.source.fill(offset, bytes).map_err(|error| self.failed(offset, &error))?;
+            self.offset + ((z * ny + y) * nx + x) * tuple
+        };
+        let fill = |offset: u64, bytes: &mut [u8]| {
+            self.source.fill(offset, bytes).map_err(|error| self.failed(offset, &error))
+        };
+        let row = run * tuple_bytes;
+        let stride = num::usize_of_u64(nx * tuple);
+        // A disk gives whole blocks: where each has several rows, one read of all that lies between the first row and the last costs it nothing more.
+        let mut between =
+            vec![0; if runs[0] > 1 && nx * tuple <= BLOCK { (runs[0] - 1) * stride + row } else { 0 }];
+        for (k, plane) in bytes.chunks_exact_mut(runs[0] * row).enumerate() {
+            if between.is_empty() {
+                for (j, bytes) in plane.chunks_exact_mut(row).enumerate() {
+                    fill(offset(j, k), bytes)?;
+                }
+                continue;
+            }
+            fill(offset(0, k), &mut between)?;
+            for (to, from) in plane.chunks_exact_mut(row).zip(between.chunks(stride)) {
+                to.copy_from_slice(&from[..row]);
+            }
         }
         append(&mut &*bytes, width * height * depth, &self.layout, &mut samples)
             .map_err(|error| self.failed(self.offset, &error))?;
