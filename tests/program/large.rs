@@ -1,6 +1,12 @@
 //! Grids that are larger than the memory they may take: the picture is that of the whole, and memory stays within what was asked for.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a test fails by panicking, and indices are small"
+)]
 
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
