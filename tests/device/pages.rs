@@ -128,10 +128,10 @@ fn counts_are_those_of_all_sweeps() {
     );
 }
 
-/// Where most pages show nothing, and many are loaded at a time, they take no slots: the image is the same to the bit, and a page is read
+/// Where most pages show nothing, and many are loaded at a time, they make room first: the image is the same to the bit, and a page is read
 /// once but for a few.
 #[test]
-fn hidden_pages_take_no_slots() {
+fn hidden_pages_leave_first() {
     let whole = gpu();
     let grid = Field::Blobs.sample([300, 260, 280], "u8").unwrap();
     let [low, high] = grid.range();
