@@ -47,7 +47,7 @@ impl Reader for Zarr {
         let image = Image::find(source.path().parent().unwrap_or(Path::new("")), request)?;
         let level = image.level();
         let array = Array::open(&level.within(&image.folder), request)?;
-        let axes = image.axes_of(&array)?;
+        let axes = image.axes_of(array.shape().len(), array.names())?;
         let lead = Lead::new(&image, &array, &axes, request.step)?;
 
         let source = &image.source;

@@ -10,7 +10,6 @@ use serde::de::IgnoredAny;
 use crate::error::Result;
 use crate::io::file::json::{parse, parse_file};
 use crate::io::file::source::Source;
-use crate::io::formats::zarr::array::Array;
 use crate::io::options::ReadOptions;
 
 /// The files that hold metadata, of Zarr 3 and of Zarr 2.
@@ -284,17 +283,16 @@ impl Image {
         &self.labels
     }
 
-    /// Returns the axes of an array of the image: those of the image, those that the array names, or the usual ones. The last three are those
+    /// Returns the axes of an array of the image with so many axes, and the names that it gives them: those of the image, those that the array names, or the usual ones. The last three are those
     /// of space, x fastest.
-    pub(super) fn axes_of(&self, array: &Array) -> Result<Vec<Axis>> {
-        let count = array.shape().len();
+    pub(super) fn axes_of(&self, count: usize, names: Option<Vec<&str>>) -> Result<Vec<Axis>> {
         if !(3..=MAX_AXES).contains(&count) {
             let rule = format!("{count} axes: must be 3 to {MAX_AXES}, z, y and x last");
-            return Err(array.error("shape", rule));
+            return Err(self.source.error("shape", rule));
         }
         let axes = if !self.axes.is_empty() {
             self.axes.clone()
-        } else if let Some(names) = array.names() {
+        } else if let Some(names) = names {
             names.iter().map(|name| Axis::named(name)).collect()
         } else {
             let usual = ["t", "c", "z", "y", "x"].map(Axis::named);
