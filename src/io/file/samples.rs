@@ -62,6 +62,20 @@ pub(crate) fn data_size(
     Ok((usize::try_from(count).map_err(|_| overflow())?, in_file))
 }
 
+/// Returns the number of samples and their size in the file in bytes, and whether they are as many as the options leave in their file, to be
+/// read on demand: the memory limit is not theirs.
+pub(crate) fn stays_in_file(
+    source: &Source,
+    place: &str,
+    layout: &Layout,
+    options: &ReadOptions,
+) -> Result<(usize, u64, bool)> {
+    let unlimited = ReadOptions { max_bytes: u64::MAX, ..options.clone() };
+    let (count, bytes) = data_size(source, place, layout, &unlimited)?;
+    let stays = layout.pick != Pick::Whole && options.on_demand.is_some_and(|least| bytes >= least);
+    Ok((count, bytes, stays))
+}
+
 /// Reads samples from files that hold equal shares of them and nothing more.
 ///
 /// `source` and `place` are the header and its field, for messages. `part` opens each file when it is needed, so that
@@ -105,9 +119,8 @@ fn on_demand(
     part: &dyn Fn(usize, u64) -> Result<Part>,
     options: &ReadOptions,
 ) -> Result<Option<Values>> {
-    let unlimited = ReadOptions { max_bytes: u64::MAX, ..options.clone() };
-    let (count, bytes) = data_size(source, place, layout, &unlimited)?;
-    if parts != 1 || layout.pick == Pick::Whole || options.on_demand.is_none_or(|least| bytes < least) {
+    let (count, bytes, stays) = stays_in_file(source, place, layout, options)?;
+    if parts != 1 || !stays {
         return Ok(None);
     }
     let share = Share { part: part(0, bytes)?, layout, count, bytes };

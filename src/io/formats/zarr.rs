@@ -15,7 +15,7 @@ use crate::io::build::data_file::Unit;
 use crate::io::build::volume::{Chosen, Placement};
 use crate::io::file::decode::{Layout, Values};
 use crate::io::file::sample_type::{Endian, Pick};
-use crate::io::file::samples::data_size;
+use crate::io::file::samples::{data_size, stays_in_file};
 use crate::io::file::source::Source;
 use crate::io::formats::zarr::array::{Array, InChunks};
 use crate::io::formats::zarr::metadata::{Axis, FILES, Image, Kind, Level};
@@ -54,11 +54,9 @@ impl Reader for Zarr {
         let layout = Layout::scalar(array.dims()?, array.kind(), Endian::NATIVE);
         let mut chosen = Chosen::new(source, "channels", layout, lead.channels(), request)?;
         let first_alone = lead.channels() > 1 && request.array.is_none() && chosen.layout.pick != Pick::Whole;
-        if first_alone {
-            chosen.layout.pick = Pick::Component(0);
-        }
         let mut warnings = Vec::new();
         if first_alone {
+            chosen.layout.pick = Pick::Component(0);
             let labels = image.channels().join(", ");
             let labels = if labels.is_empty() { labels } else { format!(" ({labels})") };
             let count = lead.channels();
@@ -69,7 +67,7 @@ impl Reader for Zarr {
         chosen.unit = unit_of(&axes, &mut warnings);
 
         let levels = image.coarser();
-        let chunks = InChunks::new(array, lead.first.clone(), lead.channel, chosen.layout);
+        let chunks = InChunks::new(array, lead.first, lead.channel, chosen.layout);
         let samples = samples(source, &chosen.layout, chunks, levels, &image.folder, request)?;
         let grid = chosen.grid(samples).map_err(|error| error.in_file(source.path()))?;
         let [origin, spacing] = placement(level);
@@ -179,9 +177,7 @@ fn samples(
     folder: &Path,
     options: &ReadOptions,
 ) -> Result<Values> {
-    let unlimited = ReadOptions { max_bytes: u64::MAX, ..options.clone() };
-    let (_, bytes) = data_size(source, "shape", layout, &unlimited)?;
-    if layout.pick != Pick::Whole && options.on_demand.is_some_and(|least| bytes >= least) {
+    if stays_in_file(source, "shape", layout, options)?.2 {
         chunks.on_demand(levels, folder, options)?;
         return Ok(Samples::OnDemand(OnDemand::new(layout.dims, chunks)?).into());
     }

@@ -62,7 +62,7 @@ pub(super) struct Axis {
     pub(super) unit: Option<String>,
 }
 
-/// What an axis tells apart.
+/// The meaning of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Space,
