@@ -82,6 +82,7 @@
 #define BINDING_WANTED 78       // storage block: WANTED_* words: pages that rays have missed
 #define BINDING_RAYS 79         // storage block: how far the ray of each pixel has come
 #define BINDING_POOL 80         // sampler3D: the pages of a grid for techniques of stacks
+#define BINDING_LINE_OWNED 81   // storage block: the two depths between which a part of space owns pieces of each pixel's ray
 
 #define BINDING_COUNTS 73       // storage block: COUNTS_* words
 #define BINDING_HIT_DEPTHS 76   // storage block: the depth at which each pixel's ray becomes opaque enough; 0: none
@@ -154,6 +155,7 @@
 #define SPEC_HIT_AT 48        // uint: bits of the transmittance whose depth BINDING_HIT_DEPTHS gets; 0: nobody asks
 
 #define SPEC_PAGED 49         // bool: the grid is kept in pages
+#define SPEC_OWNED 50        // bool: only the pieces of rays in a part of space are drawn
 
 // Values of SPEC_INTEGRATOR.
 #define INTEGRATOR_MIDPOINT 0
@@ -306,6 +308,7 @@
 #define BOUNDS_PLANES 15       // mask: number of planes
 #define BOUNDS_PERSPECTIVE 16
 #define BOUNDS_FAR_AT_ONE 32   // the depth image stores the far end as 1, not as 0
+#define BOUNDS_OWNED 64        // a ray in a plane belongs to one side of it
 
 // Bits of WarpPush.flags.
 #define WARP_SHARED 1  // other base planes show part of this image

@@ -85,6 +85,16 @@ pub enum Error {
         /// The first call that reported the loss.
         call: &'static str,
     },
+    /// Another process of several that draw one image has failed.
+    #[error("rank {rank}: {}", line(why))]
+    Rank {
+        /// The number of the process.
+        rank: u32,
+        /// The exit code of its error.
+        code: u8,
+        /// The text of its error.
+        why: String,
+    },
     /// Work on the device did not end in time.
     #[error("{what} did not finish within {seconds} s (last pass begun: {last_pass})")]
     Timeout {
@@ -172,6 +182,7 @@ impl Error {
             | Self::Unsupported { .. }
             | Self::Memory { .. }
             | Self::DeviceLost { .. } => 3,
+            Self::Rank { code, .. } => *code,
             Self::Allocation { .. } | Self::Vulkan { .. } | Self::Timeout { .. } => 1,
         }
     }

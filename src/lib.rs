@@ -16,6 +16,7 @@ mod optics;
 #[cfg(feature = "cli")]
 pub mod peak;
 mod primitives;
+pub mod ranks;
 pub mod reference;
 mod replace;
 mod resident;

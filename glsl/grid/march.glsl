@@ -13,6 +13,7 @@
 #include "grid/grid.glsl"
 #include "grid/empty-space.glsl"
 #include "grid/interval.glsl"
+#include "grid/owned.glsl"
 #include "grid/paging.glsl"
 #include "grid/resume.glsl"
 #include "grid/shown.glsl"
@@ -23,6 +24,11 @@ layout(local_size_x = 8, local_size_y = 8) in;
 // other. A turn takes one where surfaces split slabs, and where it does so much else that two only cost registers: light, look-ups at
 // the ends of segments.
 const uint MOST_AT_ONCE = 2u;
+
+// Returns the slabs of the next turn: through pages none at which the march will stop, so that it looks up no page in vain.
+uint turn_of(uint most, uint slab, uint stop) {
+    return PAGED ? min(most, stop - slab) : most;
+}
 
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
@@ -113,7 +119,7 @@ void pass_layers(inout LayersAhead ahead, float depth, float opaque, inout vec4 
 // Notes how far the ray has come that ends before slab `end`. Returns whether this is its end; only a ray through pages may have another.
 bool ends_ray(ivec2 pixel, uint slab, uint end, float transmittance, float opaque, float reached, LayersAhead ahead, uint front, uint back) {
     if (!PAGED) return true;
-    bool ended = !has_missed() && (slab >= end || transmittance <= opaque);
+    bool ended = transmittance <= opaque || !has_missed() && slab >= end;
     rays[number_of(pixel)] = RayState(ended ? RAY_ENDED : slab, transmittance, reached, ahead.depth, front, back);
     if (!ended) note_unfinished();
     return ended;

@@ -32,7 +32,7 @@
 #include "grid/tile-step.glsl"
 #include "grid/pilots.glsl"
 
-const uint AT_ONCE = LAYERS || LIT || PAGED || INTEGRATOR != INTEGRATOR_MIDPOINT ? 1u : MOST_AT_ONCE;
+const uint AT_ONCE = LAYERS || LIT || INTEGRATOR != INTEGRATOR_MIDPOINT ? 1u : MOST_AT_ONCE;
 
 // The segments of a ray: segment i begins at depth z0 + i h. Those from `first` to before `end` show anything; `first` may be -1.
 struct Segments {
@@ -41,13 +41,32 @@ struct Segments {
     float begin; // the depth up to which the tile shows nothing
 };
 
-// Divides an interval of a pixel's ray into segments of length `spacing`, in units of the smallest voxel spacing.
-Segments segments_of(Ray ray, vec2 interval, ivec2 pixel, float spacing) {
+// Divides an interval of a ray, of which the depths `shown` show anything, into segments of length `spacing`, in units of the smallest voxel
+// spacing.
+Segments segments_of(Ray ray, vec2 interval, vec2 shown, float spacing) {
     float h = spacing * push.unit / ray.length_per_depth;
     float z0 = interval.x;
     float segments = interval.x < interval.y ? ceil((interval.y - z0) / h) : 0.0;
-    vec2 shown = shown_of(interval, pixel);
     return Segments(z0, h, floor((shown.x - z0) / h) - 1.0, min(segments, ceil((shown.y - z0) / h) + 1.0), shown.x);
+}
+
+// Returns the piece of the ray of a segment; the last of all, before segment `last`, ends at depth `far`.
+vec2 segment(Segments all, uint i, uint last, float far) {
+    return vec2(fma(float(i), all.h, all.z0), min(fma(float(min(i + 1u, last)), all.h, all.z0), far));
+}
+
+// Returns those of the segments [x, y) that belong to the part of space, whose ends they may reach beyond.
+uvec2 owned_segments(uvec2 segments, Segments all, float far) {
+    if (!OWNED) return segments;
+    for (uint i = 0u; i < MOST_BESIDE && segments.x < segments.y; ++i) {
+        if (owns(segment(all, segments.x, segments.y, far))) break;
+        ++segments.x;
+    }
+    for (uint i = 0u; i < MOST_BESIDE && segments.x < segments.y; ++i) {
+        if (owns(segment(all, segments.y - 1u, segments.y, far))) break;
+        --segments.y;
+    }
+    return segments;
 }
 
 // Marches the segments of a ray from `i` to before `last`, and leaves the number of the next in `i`. The last of all ends at depth `far`.
@@ -71,21 +90,22 @@ void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint 
             known.x = floatBitsToUint(texel);
             front = face_of(texel, lattice);
         }
-        for (; i < stop && transmittance > opaque; i += AT_ONCE) {
+        while (i < stop && transmittance > opaque) {
+            uint turn = turn_of(AT_ONCE, i, stop);
             vec2 pieces[MOST_AT_ONCE];
             float texels[MOST_AT_ONCE];
             bool cut = false;
             float split = reached;
-            for (uint k = 0u; k < AT_ONCE; ++k) {
-                vec2 piece = vec2(fma(float(i + k), h, z0), min(fma(float(min(i + k + 1u, last)), h, z0), far));
+            for (uint k = 0u; k < AT_ONCE && k < turn; ++k) {
+                vec2 piece = segment(all, i + k, last, far);
                 cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
                 pieces[k] = piece;
                 float at = INTEGRATOR == INTEGRATOR_MIDPOINT ? 0.5 * (piece.x + piece.y) : piece.y;
                 texels[k] = knows(before.back, i + k) ? uintBitsToFloat(before.back) : stored_at(ray, at, lattice);
+                if (has_missed()) turn = k;
             }
-            if (has_missed()) break;
-            if (PAGED) before.back = UNKNOWN;
-            for (uint k = 0u; k < AT_ONCE; ++k) {
+            if (PAGED && turn > 0u) before.back = UNKNOWN;
+            for (uint k = 0u; k < AT_ONCE && k < turn; ++k) {
                 float begin = pieces[k].x, end = AT_ONCE == 1u || transmittance > opaque ? pieces[k].y : begin;
                 float len = max(end - begin, 0.0) * ray.length_per_depth;
                 vec4 emission;
@@ -99,10 +119,14 @@ void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint 
                 }
                 if (LIT) emission = lit(emission, ray, fma(emitted_at, end - begin, begin), lattice);
                 known.y = floatBitsToUint(texels[k]);
-                if (has_missed()) break;
-                add_part(pixel, sum, transmittance, emission, vec2(begin, end));
-                known = uvec2(floatBitsToUint(texels[k]), UNKNOWN);
+                if (LIT && has_missed()) {
+                    turn = k;
+                } else {
+                    add_part(pixel, sum, transmittance, emission, vec2(begin, end));
+                    known = uvec2(floatBitsToUint(texels[k]), UNKNOWN);
+                }
             }
+            i += turn;
             if (has_missed()) break;
             reached = split;
             if (cut) --i;
@@ -117,9 +141,9 @@ void main() {
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
     float spacing = step_of(pixel);
-    Segments all = segments_of(ray, interval, pixel, spacing);
+    Segments all = segments_of(ray, interval, owned_of(shown_of(interval, pixel), pixel), spacing);
     float begin = float(push.first), end = float(push.first + push.count);
-    uvec2 range = uvec2(max(all.first, begin), clamp(all.end, 0.0, end)), ahead_of = slabs_ahead(range);
+    uvec2 range = owned_segments(uvec2(max(all.first, begin), clamp(all.end, 0.0, end)), all, interval.y), ahead_of = slabs_ahead(range);
 
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);
@@ -151,7 +175,7 @@ void main() {
     ivec2 pixel = min(ivec2(int(tile) % tiles.x, int(tile) / tiles.x) * TILE + TILE / 2, extent - 1);
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
-    Segments all = segments_of(ray, interval, pixel, spacing);
+    Segments all = segments_of(ray, interval, shown_of(interval, pixel), spacing);
 
     float transmittance = 1.0;
     vec4 sum = vec4(0.0);

@@ -19,6 +19,24 @@ vec2 slab_piece(float begin, float end, vec2 interval) {
     return vec2(begin, middle >= interval.x && middle <= interval.y ? end : begin);
 }
 
+#ifdef COMPUTE
+#include "grid/owned.glsl"
+
+// Returns those of the slabs [x, y) that belong to the part of space, whose ends they may reach beyond.
+uvec2 owned_slabs(uvec2 slabs, vec2 interval) {
+    if (!OWNED) return slabs;
+    for (uint i = 0u; i < MOST_BESIDE && slabs.x < slabs.y; ++i) {
+        if (owns(slab_piece(slab_begin(slabs.x), slab_begin(slabs.x + 1u), interval))) break;
+        ++slabs.x;
+    }
+    for (uint i = 0u; i < MOST_BESIDE && slabs.x < slabs.y; ++i) {
+        if (owns(slab_piece(slab_begin(slabs.y - 1u), slab_begin(slabs.y), interval))) break;
+        --slabs.y;
+    }
+    return slabs;
+}
+#endif
+
 // Returns the slabs of this dispatch that the ray meets, as [x, y), with one more at each end against rounding: it has no length on
 // the ray.
 uvec2 slabs_of(vec2 interval) {

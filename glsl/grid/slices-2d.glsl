@@ -133,15 +133,25 @@ void main() {
     // The slabs from where the ray enters to where it leaves, up or down the stack, with one more at each end against rounding: it
     // has no length on the ray. `turn` counts slabs along the ray.
     float slabs = ceil((lattice.half_size.z - z0) / h);
-    vec2 shown = shown_of(interval, pixel);
+    vec2 shown = owned_of(shown_of(interval, pixel), pixel);
     vec2 place = (fma(shown, vec2(ray.d.z), vec2(ray.q.z)) - z0) / h;
     bool down = ray.d.z < 0.0;
     float begin = clamp(floor(place.x) + (down ? 1.0 : -1.0), 0.0, slabs - 1.0);
     float end = clamp(floor(place.y) + (down ? -1.0 : 1.0), 0.0, slabs - 1.0);
     uint turns = shown.x < shown.y ? uint(abs(end - begin)) + 1u : 0u;
-    uvec2 all = uvec2(push.first, min(turns, push.first + push.count)), turns_ahead = slabs_ahead(all);
-    uint turn = turns_ahead.x, last = turns_ahead.y;
     uint first_slab = uint(begin);
+    uvec2 all = uvec2(push.first, min(turns, push.first + push.count));
+    // Those that belong to the part of space, whose ends they may reach beyond.
+    for (uint i = 0u; OWNED && i < MOST_BESIDE && all.x < all.y; ++i) {
+        if (owns(slab_piece(down ? first_slab - all.x : first_slab + all.x, ray, interval, z0, h))) break;
+        ++all.x;
+    }
+    for (uint i = 0u; OWNED && i < MOST_BESIDE && all.x < all.y; ++i) {
+        if (owns(slab_piece(down ? first_slab + 1u - all.y : first_slab + all.y - 1u, ray, interval, z0, h))) break;
+        --all.y;
+    }
+    uvec2 turns_ahead = slabs_ahead(all);
+    uint turn = turns_ahead.x, last = turns_ahead.y;
 
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);

@@ -70,7 +70,8 @@ pub extern "C" fn vr_last_vulkan_result() -> VkResult {
 /// Returns the codes of a failure: the interface's and Vulkan's.
 fn codes(error: &Error) -> (vr_result, vk::Result) {
     let code = match error {
-        Error::Invalid { .. } => vr_result::VR_ERROR_INVALID,
+        // The interface has no ranks.
+        Error::Invalid { .. } | Error::Rank { .. } => vr_result::VR_ERROR_INVALID,
         Error::File { .. } => vr_result::VR_ERROR_FILE,
         Error::Io { .. } => vr_result::VR_ERROR_IO,
         Error::NoDevice { .. } => vr_result::VR_ERROR_NO_DEVICE,

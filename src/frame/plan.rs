@@ -11,7 +11,7 @@ use crate::frame::counts::Counts;
 use crate::frame::dry_run::{dry_run, last_use, passes};
 use crate::frame::hit_depths::{HitDepthFrame, hit_depths_buffer};
 use crate::frame::prepared::{Outcome, Prepared};
-use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
+use crate::frame::ray_bounds::{BOUNDS, OWNED, RayBounds, bounds_buffer};
 use crate::frame::surfaces::{SurfaceFrame, SurfaceLists};
 use crate::frame::target::{Canvas, Composite, TargetDesc, TargetMode};
 use crate::frame::upsampling::{Drawn, Upsampling};
@@ -69,6 +69,10 @@ pub struct Plan {
     pub(crate) prepared: Box<dyn Prepared>,
     composite: Option<Composite>,
     bounds: Option<RayBounds>,
+    /// Where rays pass the box whose pieces the view owns.
+    owned: Option<RayBounds>,
+    /// Whether it can own pieces; else it is clipped to what it owns.
+    pieces: bool,
     surfaces: Option<SurfaceFrame>,
     upsampling: Option<Upsampling>,
     counts: Option<Counts>,
@@ -186,7 +190,7 @@ impl Plan {
         surfaces: Option<&Arc<SurfaceData>>,
         view: &View,
         target: &TargetDesc,
-        Drawn { side, refine }: Drawn,
+        Drawn { side, refine, pieces }: Drawn,
         prepare: impl Fn(&View, &Canvas) -> Result<Box<dyn Prepared>>,
     ) -> Result<Self> {
         if side > 1 && (target.depth || surfaces.is_some()) {
@@ -198,17 +202,27 @@ impl Plan {
             let why = "scenes with surfaces and resolutions below full do not tell them";
             return Err(Error::invalid("hit depths", why));
         }
+        let view = &if pieces { *view } else { view.clipped_to_owned() };
         let drawn = view.reduced(side)?;
         let lists = surfaces.map(|data| SurfaceLists::new(gpu, data, view)).transpose()?;
         let bounded = target.depth || lists.is_some() || !view.clip().is_none();
-        let bounds = bounded.then(|| bounds_buffer(gpu, &drawn)).transpose()?;
+        let bounds = bounded.then(|| bounds_buffer(gpu, BOUNDS, &drawn)).transpose()?;
+        let owned = view.owned().map(|_| bounds_buffer(gpu, OWNED, &drawn)).transpose()?;
         let layers = lists.as_ref().and_then(SurfaceLists::layers);
         let sampled = lists.is_some() || side > 1;
         let counts = target.counted.then(|| Counts::new(gpu)).transpose()?;
         let sums = counts.as_ref().map(|counts| Arc::clone(&counts.sums));
         let hit_depths = hit_depths_buffer(gpu, view, target.hit_depths.is_some())?;
-        let canvas =
-            Canvas { target: *target, bounds, layers, sampled, redrawn: None, counts: sums, hit_depths };
+        let canvas = Canvas {
+            target: *target,
+            bounds,
+            owned,
+            layers,
+            sampled,
+            redrawn: None,
+            counts: sums,
+            hit_depths,
+        };
         let prepared = prepare(&drawn, &canvas)?;
         let measure = prepared.measure();
         let hit_depths = match target.hit_depths {
@@ -226,7 +240,9 @@ impl Plan {
         };
         let bounds = canvas.bounds.as_ref();
         let bounds =
-            bounds.map(|bounds| RayBounds::new(gpu, bounds, target.depth, measure, &drawn)).transpose()?;
+            bounds.map(|bounds| RayBounds::new(gpu, BOUNDS, bounds, target.depth, measure, &drawn)).transpose()?;
+        let owned = canvas.owned.as_ref();
+        let owned = owned.map(|owned| RayBounds::of_owned(gpu, owned, measure, &drawn)).transpose()?;
         let smaller = prepared.image().filter(|_| side > 1);
         let upsampling =
             smaller.map(|image| Upsampling::new(gpu, image, view, &canvas, refine, prepare)).transpose()?;
@@ -240,6 +256,8 @@ impl Plan {
         let mut plan = Self {
             gpu: gpu.clone(),
             bounds,
+            owned,
+            pieces,
             surfaces,
             upsampling,
             counts: counts.filter(|_| prepared.counts()),
@@ -287,6 +305,9 @@ impl Plan {
         self.record_begin(recorder);
         if let Some(bounds) = &self.bounds {
             bounds.record_most(recorder, self.surfaces.as_ref());
+        }
+        if let Some(owned) = &self.owned {
+            owned.record_most(recorder, None);
         }
     }
 
@@ -418,6 +439,9 @@ impl Plan {
         let &RecordInfo { target, depth, hit_depths, .. } = info;
         let mut recorder = Recorder::new(&self.gpu, commands, None);
         self.record_begin(&mut recorder);
+        if let Some(owned) = &self.owned {
+            owned.record_planes(&mut recorder);
+        }
         if let Some(bounds) = &self.bounds {
             bounds.record(&mut recorder, depth, self.surfaces.as_ref())?;
         }
@@ -500,11 +524,13 @@ impl Plan {
     /// Those of [`Renderer::prepare`](crate::Renderer::prepare).
     pub fn set_view(&mut self, view: &View) -> Result<bool> {
         self.gpu.alive()?;
-        if view.extent() != self.extent || (self.bounds.is_none() && !view.clip().is_none()) {
+        let view = &if self.pieces { *view } else { view.clipped_to_owned() };
+        let owns = self.owned.is_some() == view.owned().is_some();
+        if view.extent() != self.extent || (self.bounds.is_none() && !view.clip().is_none()) || !owns {
             return Ok(false);
         }
         let drawn = &view.reduced(self.side)?;
-        if let Some(bounds) = &self.bounds {
+        for bounds in self.bounds.iter().chain(&self.owned) {
             bounds.check(drawn)?;
         }
         let seen = self.surfaces.as_ref().map(|surfaces| surfaces.pushes(drawn)).transpose()?;
@@ -516,7 +542,7 @@ impl Plan {
         if let Some(upsampling) = &mut self.upsampling {
             upsampling.set_view(view)?;
         }
-        if let Some(bounds) = &mut self.bounds {
+        for bounds in self.bounds.iter_mut().chain(&mut self.owned) {
             bounds.set_view(drawn);
         }
         if let Some(hit_depths) = &mut self.hit_depths {

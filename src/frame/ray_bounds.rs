@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::frame::depth_measure::{DepthMeasure, PixelRays};
 use crate::frame::surfaces::SurfaceFrame;
 use crate::gpu::shader::{
-    BOUNDS_FAR_AT_ONE, BOUNDS_PERSPECTIVE, BOUNDS_PLANES, LINE_BOUNDS_DEPTH, LINE_BOUNDS_PLANES,
+    BOUNDS_FAR_AT_ONE, BOUNDS_OWNED, BOUNDS_PERSPECTIVE, BOUNDS_PLANES, LINE_BOUNDS_DEPTH, LINE_BOUNDS_PLANES,
     LineBoundsDepth, LineBoundsPlanes,
 };
 use crate::gpu::{Buffer, BufferUse, DepthImage, Gpu, Recorder, Sampled};
@@ -24,10 +24,16 @@ const PLANES: usize = 6;
 /// Half-spaces of a view: its clip planes and the six sides of its crop box.
 const MOST_PLANES: usize = Clip::MAX_PLANES + 6;
 
-/// Makes the buffer of bounds: two depths per pixel, in the unit of the technique.
-pub(crate) fn bounds_buffer(gpu: &Gpu, view: &View) -> Result<Arc<Buffer>> {
+/// The name of buffer and passes that bound rays.
+pub(crate) const BOUNDS: &str = "line.bounds";
+
+/// The name of those that find where rays pass the box that a view owns.
+pub(crate) const OWNED: &str = "line.owned";
+
+/// Makes a buffer of bounds: two depths per pixel, in the unit of the technique.
+pub(crate) fn bounds_buffer(gpu: &Gpu, name: &str, view: &View) -> Result<Arc<Buffer>> {
     let [width, height] = view.extent().map(u64::from);
-    Buffer::new(gpu, "line.bounds", 8 * width * height, BufferUse::ShaderWrite).map(Arc::new)
+    Buffer::new(gpu, name, 8 * width * height, BufferUse::ShaderWrite).map(Arc::new)
 }
 
 /// The passes that find the bounds.
@@ -36,6 +42,8 @@ pub(crate) struct RayBounds {
     first: Dispatch,
     more: Dispatch,
     takes_depth: bool,
+    /// Whether a ray in a plane belongs to one side of it alone.
+    owns: bool,
     measure: DepthMeasure,
     view: View,
 }
@@ -44,6 +52,7 @@ impl RayBounds {
     /// Builds the passes. `takes_depth` says that each recording brings a depth image.
     pub(crate) fn new(
         gpu: &Gpu,
+        name: &str,
         bounds: &Arc<Buffer>,
         takes_depth: bool,
         measure: DepthMeasure,
@@ -57,16 +66,31 @@ impl RayBounds {
         } else {
             planes(false)
         };
-        let first = pass(gpu, "line.bounds", &first)?;
-        let more = pass(gpu, "line.bounds", &planes(true))?;
-        let made = Self { first, more, takes_depth, measure, view: *view };
+        let [first, more] = [first, planes(true)].map(|bound| pass(gpu, name, &bound));
+        let made = Self { first: first?, more: more?, takes_depth, owns: false, measure, view: *view };
         made.check(view)?;
         Ok(made)
     }
 
+    /// Builds the passes that find where rays pass the box that a view owns.
+    pub(crate) fn of_owned(
+        gpu: &Gpu,
+        owned: &Arc<Buffer>,
+        measure: DepthMeasure,
+        view: &View,
+    ) -> Result<Self> {
+        let view = view.with_clip(Clip::none()).clipped_to_owned();
+        Ok(Self { owns: true, ..Self::new(gpu, OWNED, owned, false, measure, &view)? })
+    }
+
     /// Changes to another view of the same extent, which [`RayBounds::check`] has accepted.
     pub(crate) fn set_view(&mut self, view: &View) {
-        self.view = *view;
+        self.view = self.seen(view);
+    }
+
+    /// Returns a view with the planes that bound its rays here.
+    fn seen(&self, view: &View) -> View {
+        if self.owns { view.with_clip(Clip::none()).clipped_to_owned() } else { *view }
     }
 
     /// Checks that float32 holds the planes of a view.
@@ -74,7 +98,7 @@ impl RayBounds {
         let finite = |push: &BoundsPush| {
             push.planes.iter().flatten().chain([&push.kq]).all(|number| number.is_finite())
         };
-        if self.pushes(view, None).iter().all(finite) {
+        if self.pushes(&self.seen(view), None).iter().all(finite) {
             return Ok(());
         }
         let why = "a clip plane or the camera is so far from the data that float32 cannot hold its distance";
@@ -103,7 +127,8 @@ impl RayBounds {
         let ends = depth.map_or([1.0, 2.0], |depth| [depth.projection.at_zero, depth.projection.at_one]);
         // The far end is stored as 1, or as 0.
         let far = if ends[1] > ends[0] { BOUNDS_FAR_AT_ONE } else { 0 };
-        let flags = far | if perspective { BOUNDS_PERSPECTIVE } else { 0 };
+        let flags =
+            far | if perspective { BOUNDS_PERSPECTIVE } else { 0 } | if self.owns { BOUNDS_OWNED } else { 0 };
         // Differences in float64, because a far eye and ends near the data would cancel.
         let depths = ends.map(|end| {
             let from_centre = if end.is_infinite() { end } else { end - centre_depth };

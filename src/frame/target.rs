@@ -107,6 +107,8 @@ pub(crate) struct Canvas {
     pub(crate) target: TargetDesc,
     /// Two depths per pixel, where anything bounds rays.
     pub(crate) bounds: Option<Arc<Buffer>>,
+    /// Two depths per pixel, where the view owns pieces of rays.
+    pub(crate) owned: Option<Arc<Buffer>>,
     /// Translucent surfaces.
     pub(crate) layers: Option<Layers>,
     /// Whether another pass of the frame samples the result: it upsamples the image, or puts it in front of opaque surfaces.
@@ -140,6 +142,12 @@ impl Canvas {
     pub(crate) fn bounded(&self, unread: &Arc<Buffer>) -> shader::Bounded {
         let line_bounds = self.bounds.as_ref().unwrap_or(unread).read();
         shader::Bounded { line_bounds, bounded: self.bounds.is_some() }
+    }
+
+    /// The pieces of rays that the view owns, with the same stand-in.
+    pub(crate) fn owned(&self, unread: &Arc<Buffer>) -> shader::Owned {
+        let line_owned = self.owned.as_ref().unwrap_or(unread).read();
+        shader::Owned { line_owned, owned: self.owned.is_some() }
     }
 
     /// The translucent surfaces of pixels, with the same stand-in.

@@ -8,7 +8,7 @@ use ash::vk;
 use crate::error::Result;
 use crate::frame::dry_run::{dry_run, passes};
 use crate::frame::prepared::{Outcome, Prepared};
-use crate::frame::ray_bounds::{RayBounds, bounds_buffer};
+use crate::frame::ray_bounds::{BOUNDS, RayBounds, bounds_buffer};
 use crate::frame::target::{Canvas, Redrawn, usage_after};
 use crate::gpu::shader::{PIXELS_COUNT, PIXELS_FIRST, UPSAMPLING_COMPUTE, Upsampling as Inputs};
 use crate::gpu::{Buffer, Gpu, Image, ImageDesc, Recorder, TargetImage};
@@ -24,6 +24,8 @@ pub(crate) struct Drawn {
     pub(crate) side: u32,
     /// The second difference of colour between these beyond which all pixels around them are drawn.
     pub(crate) refine: Option<f32>,
+    /// Whether pieces of rays are drawn that a view owns; else it is clipped to what it owns.
+    pub(crate) pieces: bool,
 }
 
 /// The pass that makes an image of the view's size from one with fewer pixels.
@@ -71,12 +73,12 @@ impl Refinement {
         smaller: &Canvas,
         prepare: impl FnOnce(&View, &Canvas) -> Result<Box<dyn Prepared>>,
     ) -> Result<Self> {
-        let bounds = smaller.bounds.is_some().then(|| bounds_buffer(gpu, view)).transpose()?;
+        let bounds = smaller.bounds.is_some().then(|| bounds_buffer(gpu, BOUNDS, view)).transpose()?;
         let list = Some(redrawn.clone());
         let canvas = Canvas { bounds, sampled: false, redrawn: list, ..smaller.clone() };
         let prepared = prepare(view, &canvas)?;
         let bounds = canvas.bounds.as_ref();
-        let bounds = bounds.map(|bounds| RayBounds::new(gpu, bounds, false, prepared.measure(), view));
+        let bounds = bounds.map(|bounds| RayBounds::new(gpu, BOUNDS, bounds, false, prepared.measure(), view));
         let outcome = Arc::new(Refined { head: download(gpu, "redrawn.head", 4 * u64::from(PIXELS_FIRST))? });
         let most_passes = passes(&dry_run(gpu, |recorder, target| prepared.record_most(recorder, target)));
         Ok(Self { redrawn, bounds: bounds.transpose()?, prepared, most_passes, outcome })

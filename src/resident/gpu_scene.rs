@@ -180,6 +180,21 @@ impl GpuScene {
         Ok(Arc::new(other))
     }
 
+    /// Returns the scene with the overview of a grid whose samples are read on demand, for pictures until the grid itself is drawn; the scene
+    /// itself where its data are in memory. Its error has no bound: what no sample of the overview shows is not there.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::with_data`].
+    pub fn overview(self: &Arc<Self>) -> Result<Arc<Self>> {
+        match &self.scene.data {
+            Data::Grid(grid) if matches!(grid.samples(), Samples::OnDemand(_)) => {
+                self.with_data(grid.overview().into_owned())
+            }
+            _ => Ok(Arc::clone(self)),
+        }
+    }
+
     /// Returns the same scene with other surfaces, such as surfaces that move. All other data on the device is shared;
     /// plans must be prepared for the new scene.
     #[must_use]

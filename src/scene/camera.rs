@@ -99,6 +99,7 @@ pub struct View {
     /// Components along `right` and `up` of the ray of the image's middle, per unit of depth; 0 for parallel rays.
     skew: DVec2,
     clip: Clip,
+    owned: Option<[DVec3; 2]>,
 }
 
 impl View {
@@ -154,7 +155,8 @@ impl View {
             }
         };
         let (extent, up, clip) = ([width, height], right.cross(forward), Clip::none());
-        Ok(Self { camera, extent, right, up, forward, scale, aspect: 1.0, skew: DVec2::ZERO, clip })
+        let (aspect, skew, owned) = (1.0, DVec2::ZERO, None);
+        Ok(Self { camera, extent, right, up, forward, scale, aspect, skew, clip, owned })
     }
 
     /// Makes the view of an engine's matrices: `projection * view` maps a world position to clip coordinates, and `y` says which way
@@ -237,6 +239,7 @@ impl View {
             aspect: if mirrors { -aspect } else { aspect },
             skew: DVec2::new(if mirrors { -x } else { x }, y),
             clip: Clip::none(),
+            owned: None,
         })
     }
 
@@ -287,14 +290,42 @@ impl View {
         Self { clip, ..self }
     }
 
-    /// Returns a view with the same size and clip region from another camera.
+    /// Returns the view of what a box owns. A grid is cut into pieces of rays as without it, and those are drawn whose middle lies in the box, or
+    /// on its lower side; a mesh is clipped to it. Images of boxes that fill space, composited in visibility order, are that of the whole scene to
+    /// float32's rounding. Infinite corners own all there is.
+    ///
+    /// What blends otherwise is refused when the view is drawn: points, surfaces, maximum intensity projection, `shear-warp`, raster routes, and
+    /// the options `resolution` and `tolerance`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] if a number is NaN, or `low` is not below `high` on every axis.
+    pub fn with_owned(self, low: DVec3, high: DVec3) -> Result<Self> {
+        Clip::none().with_crop(low, high)?;
+        Ok(Self { owned: Some([low, high]), ..self })
+    }
+
+    /// Returns the corners of [`Self::with_owned`].
+    #[must_use]
+    pub fn owned(&self) -> Option<[DVec3; 2]> {
+        self.owned
+    }
+
+    /// Returns the view that is clipped to [`Self::with_owned`]'s box in place of owning pieces.
+    pub(crate) fn clipped_to_owned(&self) -> Self {
+        let Some([low, high]) = self.owned else { return *self };
+        Self { clip: self.clip.cropped(low, high), owned: None, ..*self }
+    }
+
+    /// Returns a view with the same size, clip region and box from another camera.
     ///
     /// # Errors
     ///
     /// As [`Self::new`].
     pub fn with_camera(&self, camera: Camera) -> Result<Self> {
         let [width, height] = self.extent;
-        Ok(Self::new(camera, width, height)?.with_clip(self.clip))
+        let view = Self::new(camera, width, height)?;
+        Ok(Self { clip: self.clip, owned: self.owned, ..view })
     }
 
     /// Returns the same view with pixels of about `side` x `side` of these: as many as its height needs, and of the same size as many as

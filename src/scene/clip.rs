@@ -71,6 +71,13 @@ impl Clip {
         Ok(self)
     }
 
+    /// Returns the region within a box.
+    pub(crate) fn cropped(mut self, low: DVec3, high: DVec3) -> Self {
+        let [from, to] = self.crop.unwrap_or([low, high]);
+        self.crop = Some([from.max(low), to.min(high)]);
+        self
+    }
+
     /// Returns the clip planes.
     pub fn planes(&self) -> impl Iterator<Item = ClipPlane> + '_ {
         self.planes.iter().flatten().copied()

@@ -14,7 +14,7 @@ use crate::gpu::{Buffer, BufferUse, Commands, Gpu, PassTime, Recorder};
 use crate::image::{Colours, Image as Picture};
 use crate::num;
 use crate::resident::GpuScene;
-use crate::scene::View;
+use crate::scene::{Data, Mode, Scene, View};
 use crate::technique::registry::Technique;
 
 /// Draws a scene on a device by one technique. `Send` and `Sync`: several threads may prepare plans with one renderer.
@@ -53,6 +53,9 @@ impl Renderer {
             check_format(gpu, "image of hit depths", format, false)?;
             self.check_stop(f32::from_bits(bits))?;
         }
+        if view.owned().is_some() {
+            self.check_owned()?;
+        }
         let surfaces = self.scene.surfaces()?;
         if let Some(surfaces) = &surfaces {
             self.technique.method().check_surfaces(surfaces, &self.scene.scene().data)?;
@@ -60,6 +63,27 @@ impl Renderer {
         Plan::new(gpu, surfaces.as_ref(), view, target, self.technique.drawn(), |view, canvas| {
             self.technique.prepare(&self.scene, view, canvas)
         })
+    }
+
+    /// Refuses what does not draw the pieces of rays that a box owns.
+    fn check_owned(&self) -> Result<()> {
+        let Scene { data, kernels, surfaces, mode, .. } = self.scene.scene();
+        let method = self.technique.method();
+        let drawn = self.technique.drawn();
+        let why = if matches!(data, Data::Points(_)) || kernels.is_some() {
+            "kernels overlap, so that no box owns them".to_string()
+        } else if !surfaces.is_empty() {
+            "scenes with surfaces have none".to_string()
+        } else if *mode == Mode::Maximum {
+            "of maximum intensity projection the parts of a ray do not add up".to_string()
+        } else if drawn.side > 1 {
+            "resolution=full is the only one: others blur across its sides".to_string()
+        } else if matches!(data, Data::Grid(_)) && !drawn.pieces {
+            format!("{} shares rays between pixels: slices-2d draws the same slabs", method.name())
+        } else {
+            return Ok(());
+        };
+        Err(Error::invalid("owned box", why))
     }
 
     /// Refuses hit depths of an opacity at which rays may have ended.
@@ -108,7 +132,18 @@ impl Renderer {
     fn frames_with(&self, view: &View, target: TargetDesc) -> Result<Frames> {
         let plan = self.prepare(view, &target)?;
         let commands = Commands::new(self.scene.gpu())?;
-        Ok(Frames { commands, renderer: self.clone(), target, plan, drawn: false, started: None })
+        let renderer = self.clone();
+        Ok(Frames {
+            commands,
+            renderer,
+            target,
+            plan,
+            drawn: false,
+            started: None,
+            next: None,
+            passes: vec![],
+            tries: 0,
+        })
     }
 }
 
@@ -152,6 +187,11 @@ pub struct Frames {
     /// Whether the plan's image holds a frame.
     drawn: bool,
     started: Option<Started>,
+    /// View and begin of a frame whose next part is to be submitted.
+    next: Option<(View, Instant)>,
+    /// Times of the parts of the frame so far.
+    passes: Vec<PassTime>,
+    tries: u32,
 }
 
 /// A frame that was submitted, and not waited for.
@@ -198,6 +238,7 @@ impl Frames {
         if !self.plan.set_view(view)? {
             self.plan = self.renderer.prepare(view, &self.target)?;
         }
+        (self.next, self.tries, self.passes) = (None, 0, Vec::new());
         self.submit(view, Instant::now())
     }
 
@@ -207,34 +248,68 @@ impl Frames {
     ///
     /// Those of [`Frames::draw`]; [`Error::Invalid`] when no frame was started.
     pub fn finish(&mut self) -> Result<FrameTime> {
-        let (mut tries, mut all) = (0, Vec::new());
-        while tries < MOST_TRIES {
-            let Some(Started { recorded, view, begin }) = self.started.take() else {
-                return Err(Error::invalid("frames", "no frame was started"));
-            };
-            if let Err(error) = self.commands.wait(recorded.last_pass()) {
-                recorded.discarded();
-                return Err(error);
+        loop {
+            if let Some(time) = self.finish_part()? {
+                return Ok(time);
             }
-            let wall_ms = begin.elapsed().as_secs_f64() * 1e3;
-            let status = recorded.completed()?;
-            all.extend(status.passes);
-            if status.complete {
-                self.drawn = true;
-                return Ok(FrameTime { wall_ms, passes: all, counters: status.counters });
-            }
-            if self.plan.load()? {
-                self.submit(&view, begin)?;
-                continue;
-            }
-            (tries, all) = (tries + 1, Vec::new());
-            self.plan = self.renderer.prepare(&view, &self.target)?;
-            self.submit(&view, Instant::now())?;
+            self.submit_next()?;
         }
-        Err(Error::unsupported(
-            format!("{} of this view", self.renderer.technique.method().name()),
-            format!("a capacity that suffices: {MOST_TRIES} frames found none"),
-        ))
+    }
+
+    /// Draws one part of a frame and waits for it: all of it, unless samples are read on demand. Then those that the part has missed are
+    /// read, and the next call with the same view goes on; another view begins anew. Returns `None` until the frame is complete.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Frames::draw`].
+    pub fn draw_part(&mut self, view: &View) -> Result<Option<FrameTime>> {
+        if self.next.is_some_and(|(begun, _)| begun == *view) {
+            self.submit_next()?;
+        } else {
+            self.start(view)?;
+        }
+        self.finish_part()
+    }
+
+    /// Waits for the part that was submitted, and prepares the next. Returns `None` where there is one.
+    fn finish_part(&mut self) -> Result<Option<FrameTime>> {
+        let Some(Started { recorded, view, begin }) = self.started.take() else {
+            return Err(Error::invalid("frames", "no frame was started"));
+        };
+        if let Err(error) = self.commands.wait(recorded.last_pass()) {
+            recorded.discarded();
+            return Err(error);
+        }
+        let wall_ms = begin.elapsed().as_secs_f64() * 1e3;
+        let status = recorded.completed()?;
+        self.passes.extend(status.passes);
+        if status.complete {
+            self.drawn = true;
+            let passes = std::mem::take(&mut self.passes);
+            return Ok(Some(FrameTime { wall_ms, passes, counters: status.counters }));
+        }
+        if self.plan.load()? {
+            self.next = Some((view, begin));
+            return Ok(None);
+        }
+        self.tries += 1;
+        if self.tries == MOST_TRIES {
+            return Err(Error::unsupported(
+                format!("{} of this view", self.renderer.technique.method().name()),
+                format!("a capacity that suffices: {MOST_TRIES} frames found none"),
+            ));
+        }
+        self.passes.clear();
+        self.plan = self.renderer.prepare(&view, &self.target)?;
+        self.next = Some((view, Instant::now()));
+        Ok(None)
+    }
+
+    fn submit_next(&mut self) -> Result<()> {
+        match self.next.take() {
+            Some((view, begin)) => self.submit(&view, begin),
+            None => Err(Error::invalid("frames", "no frame was started")),
+        }
     }
 
     /// Records and submits the plan's view, which was begun at a time.

@@ -614,10 +614,13 @@ fn own_device_limits_are_reported_with_both_numbers() {
     let scene = Scene::new(grid, TransferFunction::from_rows(&FOG).unwrap());
     let image = draw(&gpu, &scene, &view, "slices-3d:filter=exact");
     let found = errors(&image, &scene, &view).all;
-    // Float32 holds positions so far from the middle to half a thousandth of a cell.
+    // A ray enters and leaves the grid where positions are rounded so far from the middle, some times each; in a cell it loses up to a half.
+    let rounding = 0.5 * f64::from(long) * f64::from(f32::EPSILON);
     assert!(
-        found.rmse < 1e-4 && found.max_abs < 3e-3 && image.pixels().iter().any(|pixel| pixel[3] > 0.1),
-        "{found:?}"
+        found.rmse < 0.3 * rounding
+            && found.max_abs < 8.0 * rounding
+            && image.pixels().iter().any(|pixel| pixel[3] > 0.1),
+        "{found:?}, of {rounding}"
     );
     let on_device = GpuScene::new(&gpu, scene);
     let error = Renderer::new(&on_device, technique("slices-3d:route=raster")).frames(&view).unwrap_err();

@@ -32,6 +32,7 @@ mod orientation;
 mod pages;
 mod prefilter;
 mod projected_tets;
+mod ranks;
 mod record;
 mod resolution;
 mod shear_warp;

@@ -54,8 +54,15 @@ fn is_same(scene: &Arc<GpuScene>, whole: &Arc<GpuScene>, view: &View, spec: &str
         count("pages_read")
     );
     // Both sum the same terms; only the coordinates of the filter are rounded otherwise, where the fog is steep to 3e-5 of a pixel.
-    let bound = if spec.contains("filter=exact") && !spec.starts_with("s") { 0.0 } else { 2e-6 };
-    assert!(errors.rmse <= bound && errors.max_abs <= 30.0 * bound, "{what}, {spec}: {errors:?}");
+    let [mut rmse, mut most] =
+        if spec.contains("filter=exact") && !spec.starts_with('s') { [0.0; 2] } else { [2e-6, 6e-5] };
+    // A device with weights of few bits rounds them otherwise in another image: at most, twice what it does to each.
+    if !spec.contains("filter=exact") && whole.gpu().filter_error().unwrap() > 1e-4 {
+        let exact = draw_on(whole, view, &with_option(spec, "filter", "exact"));
+        let rounding = ImageErrors::between(&want, &exact).unwrap().all;
+        [rmse, most] = [rmse + 2.0 * rounding.rmse, most + 2.0 * rounding.max_abs];
+    }
+    assert!(errors.rmse <= rmse && errors.max_abs <= most, "{what}, {spec}: {errors:?}");
     [count("pages_read"), count("bytes_read")]
 }
 
@@ -200,7 +207,8 @@ fn every_kind_of_scene_is_drawn_from_pages() {
     for (name, scene, specs) in scenes {
         let all = GpuScene::new(&whole, scene.clone());
         for pages in [2, PAGES] {
-            let few = GpuScene::new(&gpu_with(pool(pages, 4)), scene.clone());
+            let paged = gpu_with(pool(pages, 4));
+            let few = GpuScene::new(&paged, scene.clone());
             for spec in specs.split(' ') {
                 for view in &views() {
                     let view = if name == "cut" { view.with_clip(clip) } else { *view };

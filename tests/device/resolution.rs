@@ -173,7 +173,8 @@ fn pixels_are_redrawn_where_the_smaller_image_bends() {
 /// A plan turns where drawing all pixels would take several dispatches, and drawing fewer takes one.
 #[test]
 fn plans_of_several_dispatches_turn() {
-    let scene = GpuScene::new(&gpu(), scene(volraster::scene::Field::Blobs, 24, "f32", &FOG));
+    let gpu = gpu();
+    let scene = GpuScene::new(&gpu, scene(volraster::scene::Field::Blobs, 24, "f32", &FOG));
     let view = view(perspective(), 1.0, 512, 512);
     let spec = "raycast:step=0.008,resolution=quarter,refine=0.1";
     let mut plan = Renderer::new(&scene, technique(spec)).prepare(&view, &TargetDesc::own()).unwrap();

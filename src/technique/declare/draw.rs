@@ -132,6 +132,7 @@ pub(crate) fn drawn<T: TechniqueOptions>(options: &T) -> Drawn {
     Drawn {
         side: 1 << options.bits(T::NAME, "resolution").unwrap_or(Resolution::Full as u32),
         refine: options.bits(T::NAME, "refine").ok().map(f32::from_bits),
+        pieces: T::FACTS.splits_rays && T::FACTS.data.contains(&"grid"),
     }
 }
 

@@ -98,6 +98,7 @@ impl GridTechnique for Options {
             counts,
             hit_depths,
             paging,
+            owned,
         } = march;
         if grid.scene.scene().mode == Mode::Maximum {
             let GridInputs { volume, pages, lattice, optics, bounded, .. } = grid;
@@ -134,6 +135,7 @@ impl GridTechnique for Options {
             counts,
             hit_depths,
             paging,
+            owned,
             optics,
             segments,
         }))

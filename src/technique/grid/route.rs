@@ -238,6 +238,7 @@ impl RouteDesc<'_> {
             hit_depths: self.target.hit_depths(),
             // A word of the plan's own stands in, as for hit depths.
             paging: Paging::march(self.paging, &self.target.hit_depths),
+            owned: self.target.owned(&knots.buffer),
         };
         let steps = match technique.tolerance() {
             Some(_) if greatest => {

@@ -97,6 +97,7 @@ impl GridTechnique for Options {
             counts,
             hit_depths,
             paging,
+            owned,
             ..
         } = march;
         let clip_ends = true;
@@ -116,6 +117,7 @@ impl GridTechnique for Options {
             counts,
             hit_depths,
             paging,
+            owned,
             optics,
             segments,
         }))

@@ -105,6 +105,7 @@ impl GridTechnique for Options {
             counts,
             hit_depths,
             paging,
+            owned,
             ..
         } = march;
         let stack = Stack { volume, pool, between: self.between };
@@ -121,6 +122,7 @@ impl GridTechnique for Options {
             counts,
             hit_depths,
             paging,
+            owned,
             optics,
             stack,
         }))

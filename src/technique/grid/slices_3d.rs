@@ -96,6 +96,7 @@ impl GridTechnique for Options {
             counts,
             hit_depths,
             paging,
+            owned,
             ..
         } = march;
         let clip_ends = self.ends == Ends::Clip;
@@ -115,6 +116,7 @@ impl GridTechnique for Options {
             counts,
             hit_depths,
             paging,
+            owned,
             optics,
         }))
     }

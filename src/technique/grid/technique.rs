@@ -5,8 +5,8 @@ use ash::vk;
 use crate::error::{Error, Result};
 use crate::gpu::inputs::{Stored, Write};
 use crate::gpu::shader::{
-    Blend, Bounded, ByList, Counts, EmptySpace, HitDepths, Lattice, Layers, Lighting, Optics, Pages, Paging,
-    Segments, Shown, TileStep,
+    Blend, Bounded, ByList, Counts, EmptySpace, HitDepths, Lattice, Layers, Lighting, Optics, Owned, Pages,
+    Paging, Segments, Shown, TileStep,
 };
 use crate::gpu::{Bound, Sampled};
 use crate::resident::GpuScene;
@@ -54,6 +54,7 @@ pub(crate) struct MarchInputs {
     pub(crate) counts: Counts,
     pub(crate) hit_depths: HitDepths,
     pub(crate) paging: Paging,
+    pub(crate) owned: Owned,
 }
 
 /// Shaders that draw slabs as polygons.

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use volraster::choice::{self, Choice, Estimate, Goal, Profile};
 use volraster::glam::DQuat;
-use volraster::scene::{Camera, Mode, Projection, Scene, TransferFunction, View, auto};
+use volraster::scene::{Camera, Mode, Projection, Samples, Scene, TransferFunction, View, auto};
 use volraster::technique::{Frames, Method};
 use volraster::{Error, GpuScene, Renderer, Result, Technique};
 
@@ -156,7 +156,7 @@ impl Session {
         let is_still = self.changed.is_none_or(|changed| now.duration_since(changed) >= PATIENCE);
         let level = match self.level {
             _ if self.is_complete() => None,
-            None => Some(self.pace.level()),
+            None => Some(self.pace.level().max(usize::from(self.is_in_parts()))),
             Some(level) => is_still.then(|| level.saturating_sub(REFINEMENT)),
         };
         let is_first = self.level.is_none();
@@ -179,18 +179,23 @@ impl Session {
         taken.map(|()| ms)
     }
 
-    /// Draws the picture at a level.
+    /// Returns whether the complete picture is drawn in parts, between which samples are read. Until then an overview is shown.
+    fn is_in_parts(&self) -> bool {
+        self.scene().grid().is_some_and(|grid| matches!(grid.samples(), Samples::OnDemand(_)))
+    }
+
+    /// Draws the picture at a level, or a part of it.
     fn draw(&mut self, level: usize) -> Result<()> {
         let [width, height] = reduced(self.view.extent(), level);
         let view = View::new(*self.view.camera(), width, height)?.with_clip(*self.view.clip());
-        match &mut self.plans[level] {
-            Some((setup, frames)) if *setup == self.setup => drop(frames.draw(&view)?),
-            plan => {
-                let mut frames =
-                    Renderer::new(&self.scene, coarser(&self.technique, side(level))?).frames(&view)?;
-                frames.draw(&view)?;
-                *plan = Some((self.setup, frames));
-            }
+        if self.plans[level].as_ref().is_none_or(|(setup, _)| *setup != self.setup) {
+            let scene = if level > 0 { &self.scene.overview()? } else { &self.scene };
+            let frames = Renderer::new(scene, coarser(&self.technique, side(level))?).frames(&view)?;
+            self.plans[level] = Some((self.setup, frames));
+        }
+        let Some((_, frames)) = &mut self.plans[level] else { return Ok(()) };
+        if frames.draw_part(&view)?.is_none() {
+            return Ok(());
         }
         (self.level, self.shown) = (Some(level), Some(level));
         // The last picture was shown until now.
@@ -374,7 +379,7 @@ impl Session {
     /// Writes the complete picture, which is drawn now if need be, as `render` does.
     pub(super) fn save_picture(&mut self, path: &Path) -> Result<()> {
         output::check_image(path)?;
-        if self.level != Some(0) {
+        while self.level != Some(0) {
             self.draw(0)?;
         }
         let Some((_, frames)) = &mut self.plans[0] else { return Ok(()) };

@@ -28,16 +28,21 @@ struct Test {
 
 impl Test {
     fn new(name: &str, rest: &str) -> Self {
+        let volume = r#""volume": {"field": "blobs", "dims": [24, 24, 24]}"#;
+        Self::of(name, &format!("{volume}{rest}"), &[], None)
+    }
+
+    /// A scene with a raw file of `samples`, which stay in it where the device keeps pages, in a pool of so many bytes.
+    fn of(name: &str, entries: &str, samples: &[u8], page_pool: Option<u64>) -> Self {
         let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = std::env::temp_dir().join(format!("volraster-view-{}-{name}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
-        let json = format!(
-            r#"{{"volume": {{"field": "blobs", "dims": [24, 24, 24]}}, "image": {{"width": 90, "height": 70}}{rest}}}"#
-        );
+        let json = format!(r#"{{"image": {{"width": 90, "height": 70}}, {entries}}}"#);
         std::fs::write(folder.join("scene.json"), json).unwrap();
-        let Input { scene, settings } =
-            Input::load_within(&folder.join("scene.json"), None, &ReadOptions::default()).unwrap();
-        let options = GpuOptions { validation: Validation::On, ..GpuOptions::default() };
+        std::fs::write(folder.join("samples.raw"), samples).unwrap();
+        let read = ReadOptions { on_demand: page_pool.map(|_| 0), ..ReadOptions::default() };
+        let Input { scene, settings } = Input::load_within(&folder.join("scene.json"), None, &read).unwrap();
+        let options = GpuOptions { validation: Validation::On, page_pool, ..GpuOptions::default() };
         let gpu = Gpu::new(&options).unwrap();
         let log = gpu.validation_log();
         let technique = settings.choose(None, &scene).unwrap();
@@ -141,6 +146,43 @@ fn pictures_begin_coarse_and_end_as_those_of_render() {
     session.set_mode(Mode::from_name("maximum").unwrap()).unwrap();
     let [resized, saved] = test.pictures();
     assert!(resized == saved && test.session().is_complete());
+}
+
+/// Of a grid that stays in its file an overview is shown until its pages are drawn, one part a step; another camera begins with it again.
+#[test]
+fn an_overview_is_shown_until_all_parts_are_drawn() {
+    const DIMS: [usize; 3] = [150, 70, 66];
+    let wave = |i: usize, of: usize| {
+        (9.0 * f64::from(u32::try_from(i).unwrap()) / f64::from(u32::try_from(of).unwrap())).sin()
+    };
+    let mut samples = Vec::new();
+    for i in 0..DIMS.iter().product() {
+        let [x, y, z] = [i % DIMS[0], i / DIMS[0] % DIMS[1], i / DIMS[0] / DIMS[1]];
+        let value = wave(x, DIMS[0]) + wave(y, DIMS[1]) * wave(z, DIMS[2]);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 7 and 247")]
+        samples.push((127.0 + 60.0 * value) as u8);
+    }
+    let entries = r#""volume": {"file": "samples.raw", "dims": [150, 70, 66], "type": "u8"}, "technique": {"name": "raycast", "filter": "exact"}"#;
+    // Two pages of 16-bit samples, of twelve.
+    let mut test = Test::of("parts", entries, &samples, Some(2 * (67 * 67 * 67 * 2 + 4)));
+    for degrees in [0.0, 40.0] {
+        let session = test.session();
+        session.turn([degrees, 0.0]);
+        let mut now = Instant::now();
+        assert!(session.step(now).unwrap() > 0.0 && session.drawn_size()[0] < 90);
+        assert!(session.picture().is_some());
+        let mut parts = 0;
+        while !session.is_complete() {
+            now += Duration::from_secs(1);
+            assert!(session.step(now).unwrap() > 0.0);
+            parts += usize::from(session.drawn_size()[0] < 90);
+        }
+        assert!(parts > 3, "{parts} pictures before the complete one");
+        let [rendered, saved] = test.pictures();
+        assert!(rendered == saved);
+    }
+    test.wait();
+    assert!(test.session().error.is_some());
 }
 
 #[test]

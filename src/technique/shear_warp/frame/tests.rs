@@ -80,6 +80,7 @@ fn frame(scene: &Arc<GpuScene>, view: &View, options: &str) -> ShearFrame {
     let canvas = Canvas {
         target: crate::TargetDesc::own(),
         bounds: None,
+        owned: None,
         layers: None,
         sampled: false,
         redrawn: None,

@@ -1,0 +1,101 @@
+//! What ranks say to each other.
+
+use std::sync::mpsc::{Receiver, Sender, channel};
+
+use crate::error::{Error, Result};
+use crate::num;
+
+/// A way for ranks to exchange bytes.
+pub trait Communicator {
+    /// Returns the number of this rank, from 0.
+    fn rank(&self) -> u32;
+
+    /// Returns the number of ranks.
+    fn size(&self) -> u32;
+
+    /// Sends bytes to each of some other ranks, all of which send to this one in a call of theirs, and returns what they send, in the order of
+    /// `messages`. No message waits for another of the same call.
+    ///
+    /// # Errors
+    ///
+    /// Those of the transport, such as a rank that has ended.
+    fn exchange(&self, messages: &[(u32, Vec<u8>)]) -> Result<Vec<Vec<u8>>>;
+}
+
+/// Makes the failure of one rank that of all: returns what this rank has made where no rank has failed, else the error of the first that has.
+///
+/// # Errors
+///
+/// This rank's own error, or [`Error::Rank`] with that of another; those of the communicator.
+pub fn agree<T>(ranks: &dyn Communicator, made: Result<T>) -> Result<T> {
+    let own = match &made {
+        Ok(_) => Vec::new(),
+        Err(error) => [&[error.exit_code()], error.to_string().as_bytes()].concat(),
+    };
+    let first = if ranks.rank() == 0 {
+        let others = |bytes: &[u8]| -> Vec<_> { (1..ranks.size()).map(|rank| (rank, bytes.to_vec())).collect() };
+        let mut all = ranks.exchange(&others(&[]))?;
+        all.insert(0, own);
+        let failed = all.iter().position(|error| !error.is_empty());
+        let first = failed.map_or(Vec::new(), |rank| {
+            [&num::count(rank).to_le_bytes(), &all[rank][..]].concat()
+        });
+        ranks.exchange(&others(&first))?;
+        first
+    } else {
+        ranks.exchange(&[(0, own)])?;
+        ranks.exchange(&[(0, Vec::new())])?.swap_remove(0)
+    };
+    let (Some((rank, rest)), true) = (first.split_first_chunk::<4>(), made.is_ok()) else { return made };
+    let (code, why) = rest.split_first().map_or((1, &[][..]), |(code, why)| (*code, why));
+    Err(Error::Rank { rank: u32::from_le_bytes(*rank), code, why: String::from_utf8_lossy(why).into_owned() })
+}
+
+/// Ranks that are threads of this process.
+#[derive(Debug)]
+pub struct Threads {
+    rank: u32,
+    /// To each rank, and from each.
+    ends: Vec<(Sender<Vec<u8>>, Receiver<Vec<u8>>)>,
+}
+
+impl Threads {
+    /// Makes the ends of `size` ranks.
+    #[must_use]
+    pub fn new(size: u32) -> Vec<Self> {
+        let ranks = 0..num::index(size);
+        let mut to: Vec<Vec<_>> = ranks.clone().map(|_| Vec::new()).collect();
+        let mut from: Vec<Vec<_>> = ranks.clone().map(|_| Vec::new()).collect();
+        for sender in ranks.clone() {
+            for receiver in &mut from {
+                let (send, receive) = channel();
+                to[sender].push(send);
+                receiver.push(receive);
+            }
+        }
+        let ends = to.into_iter().zip(from).map(|(to, from)| to.into_iter().zip(from).collect());
+        ends.zip(0..).map(|(ends, rank)| Self { rank, ends }).collect()
+    }
+}
+
+impl Communicator for Threads {
+    fn rank(&self) -> u32 {
+        self.rank
+    }
+
+    fn size(&self) -> u32 {
+        num::count(self.ends.len())
+    }
+
+    fn exchange(&self, messages: &[(u32, Vec<u8>)]) -> Result<Vec<Vec<u8>>> {
+        let end = |rank: u32| self.ends.get(num::index(rank)).ok_or_else(|| gone(rank));
+        for (rank, bytes) in messages {
+            end(*rank)?.0.send(bytes.clone()).map_err(|_| gone(*rank))?;
+        }
+        messages.iter().map(|(rank, _)| end(*rank)?.1.recv().map_err(|_| gone(*rank))).collect()
+    }
+}
+
+fn gone(rank: u32) -> Error {
+    Error::Rank { rank, code: 1, why: "has ended".to_string() }
+}

@@ -1,0 +1,224 @@
+//! Sort-last compositing of the ranks' images.
+
+use std::ops::Range;
+
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::num;
+use crate::ranks::communicator::Communicator;
+
+/// Composites the images of all ranks, front to back in this order of ranks, and returns the whole on rank 0.
+///
+/// In each round `k` ranks, neighbours in the order or each the result of as many neighbours, split their pixels into `k` pieces, and each takes
+/// one of all: the rounds are the prime factors of the number of ranks. Of each piece the runs of pixels that are not zero are sent.
+///
+/// # Errors
+///
+/// [`Error::Invalid`] unless the order names each rank once, and where images differ in size; those of the communicator.
+pub fn composite(image: &Image, order: &[u32], ranks: &dyn Communicator) -> Result<Option<Image>> {
+    let size = ranks.size();
+    let mut named = order.to_vec();
+    named.sort_unstable();
+    let place = order.iter().position(|&rank| rank == ranks.rank());
+    let (true, Some(place)) = (named.iter().copied().eq(0..size), place) else {
+        return Err(Error::invalid("visibility order", format!("{order:?}: must name each of {size} ranks once")));
+    };
+
+    // Exchange and composite pieces, round by round.
+    let mut pixels = image.pixels().to_vec();
+    let mut first = 0;
+    let mut stride = 1;
+    for k in factors(order.len()) {
+        let digit = place / stride % k;
+        let member = |i: usize| order[place + i * stride - digit * stride];
+        let pieces: Vec<Range<usize>> = (0..k).map(|i| piece(pixels.len(), i, k)).collect();
+        let others: Vec<usize> = (0..k).filter(|&i| i != digit).collect();
+        let messages: Vec<_> =
+            others.iter().map(|&i| (member(i), encoded(&pixels[pieces[i].clone()]))).collect();
+        let received = ranks.exchange(&messages)?;
+        let own = pieces[digit].clone();
+        let mut layers = Vec::new();
+        for (bytes, (rank, _)) in received.iter().zip(&messages) {
+            layers.push(decoded(bytes, own.len()).ok_or_else(|| differs(*rank))?);
+        }
+        layers.insert(digit, pixels[own.clone()].to_vec());
+        pixels = layers.into_iter().reduce(over).unwrap_or_default();
+        (first, stride) = (first + own.start, stride * k);
+    }
+
+    // Gather the pieces.
+    if ranks.rank() > 0 {
+        let bytes = [&num::wide(first).to_le_bytes()[..], &encoded(&pixels)].concat();
+        ranks.exchange(&[(0, bytes)])?;
+        return Ok(None);
+    }
+    let mut whole = vec![[0.0; 4]; image.pixels().len()];
+    whole[first..first + pixels.len()].copy_from_slice(&pixels);
+    let from: Vec<_> = (1..size).map(|rank| (rank, Vec::new())).collect();
+    for (bytes, (rank, _)) in ranks.exchange(&from)?.iter().zip(&from) {
+        let piece = bytes.split_first_chunk::<8>().and_then(|(first, bytes)| {
+            let first = usize::try_from(u64::from_le_bytes(*first)).ok()?;
+            let room = whole.get_mut(first..)?;
+            put(bytes, room)
+        });
+        piece.ok_or_else(|| differs(*rank))?;
+    }
+    Ok(Some(Image::new(image.width(), image.height(), whole)?.with_colours(image.colours())))
+}
+
+fn differs(rank: u32) -> Error {
+    let why = "its image does not have the size of the others";
+    Error::Rank { rank, code: 2, why: why.to_string() }
+}
+
+/// The prime factors of a number, ascending.
+fn factors(mut number: usize) -> Vec<usize> {
+    let mut all = Vec::new();
+    let mut factor = 2;
+    while number > 1 {
+        if number.is_multiple_of(factor) {
+            all.push(factor);
+            number /= factor;
+        } else {
+            factor += 1;
+        }
+    }
+    all
+}
+
+/// The `i`th of `k` pieces of so many pixels.
+fn piece(pixels: usize, i: usize, k: usize) -> Range<usize> {
+    pixels * i / k..pixels * (i + 1) / k
+}
+
+/// Puts premultiplied pixels in front of others.
+fn over(front: Vec<[f32; 4]>, back: Vec<[f32; 4]>) -> Vec<[f32; 4]> {
+    let pixel = |(a, b): ([f32; 4], [f32; 4])| {
+        let transmittance = 1.0 - a[3];
+        std::array::from_fn(|c| transmittance.mul_add(b[c], a[c]))
+    };
+    front.into_iter().zip(back).map(pixel).collect()
+}
+
+/// Codes pixels as runs: the number of zero pixels before each, that of its pixels, and these.
+fn encoded(pixels: &[[f32; 4]]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut rest = pixels;
+    let is_zero = |pixel: &[f32; 4]| *pixel == [0.0; 4];
+    while !rest.is_empty() {
+        let skipped = rest.iter().take_while(|pixel| is_zero(pixel)).count();
+        let run = rest[skipped..].iter().take_while(|pixel| !is_zero(pixel)).count();
+        bytes.extend(num::count(skipped).to_le_bytes());
+        bytes.extend(num::count(run).to_le_bytes());
+        bytes.extend_from_slice(bytemuck::cast_slice(&rest[skipped..skipped + run]));
+        rest = &rest[skipped + run..];
+    }
+    bytes
+}
+
+/// Writes coded pixels to the front of a room; `None` where it is too small, or the code is not whole.
+fn put(mut bytes: &[u8], room: &mut [[f32; 4]]) -> Option<usize> {
+    let mut place = 0;
+    while let Some((head, rest)) = bytes.split_first_chunk::<8>() {
+        let [skipped, run] = [0, 4].map(|at| [head[at], head[at + 1], head[at + 2], head[at + 3]]);
+        let [skipped, run] = [skipped, run].map(|word| num::index(u32::from_le_bytes(word)));
+        place += skipped;
+        let (pixels, rest) = rest.split_at_checked(16 * run)?;
+        let into = room.get_mut(place..place + run)?;
+        for (pixel, bytes) in into.iter_mut().zip(pixels.chunks_exact(16)) {
+            *pixel = bytemuck::pod_read_unaligned(bytes);
+        }
+        place += run;
+        bytes = rest;
+    }
+    (bytes.is_empty() && place <= room.len()).then_some(place)
+}
+
+/// Returns the pixels of a code of so many.
+fn decoded(bytes: &[u8], pixels: usize) -> Option<Vec<[f32; 4]>> {
+    let mut all = vec![[0.0; 4]; pixels];
+    (put(bytes, &mut all)? == pixels).then_some(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ranks::communicator::Threads;
+
+    /// The image of a rank: translucent, of its own colour, and with pixels that show nothing.
+    fn image(rank: u32) -> Image {
+        let pixel = |i: u32| {
+            let word = (i * 7 + rank * 13).wrapping_mul(0x9E37_79B9) >> 16;
+            if word % 3 == 0 { [0.0; 4] } else { [0.0, 0.1 * (rank % 5) as f32, 0.2, 0.3 + 0.05 * (rank % 7) as f32] }
+        };
+        Image::new(13, 11, (0..143).map(pixel).collect()).unwrap()
+    }
+
+    /// Composites the images of so many ranks, each a thread.
+    fn composited(order: &[u32]) -> Vec<Result<Option<Image>>> {
+        let ends = Threads::new(num::count(order.len()));
+        std::thread::scope(|scope| {
+            let rank = |end: Threads| scope.spawn(move || composite(&image(end.rank()), order, &end));
+            let running: Vec<_> = ends.into_iter().map(rank).collect();
+            running.into_iter().map(|thread| thread.join().unwrap()).collect()
+        })
+    }
+
+    /// Any number of ranks gives the image of blending in their order, which is no order of numbers; the last pixel counts.
+    #[test]
+    fn any_number_of_ranks_in_any_order() {
+        for size in 1..=12_u32 {
+            let mut order: Vec<u32> = (0..size).map(|i| (i * 5 + 3) % size).collect();
+            order.sort_unstable();
+            order.rotate_left(num::index(size / 2));
+            if size > 2 {
+                order.swap(0, 2);
+            }
+            let all = composited(&order).into_iter().map(Result::unwrap).collect::<Vec<_>>();
+            assert!(all[1..].iter().all(Option::is_none));
+            let want = order.iter().map(|&rank| image(rank).pixels().to_vec()).reduce(over).unwrap();
+            let got = all[0].as_ref().unwrap();
+            let apart = got.pixels().iter().zip(&want).flat_map(|(a, b)| (0..4).map(move |c| (a[c] - b[c]).abs()));
+            let most = apart.fold(0.0, f32::max);
+            assert!(most <= 3e-7, "{size}: {most}");
+            let backwards: Vec<u32> = order.iter().rev().copied().collect();
+            let other = order.iter().rev().map(|&rank| image(rank).pixels().to_vec()).reduce(over).unwrap();
+            assert!(size == 1 || composited(&backwards)[0].as_ref().unwrap().as_ref().unwrap() != got);
+            assert!(size == 1 || other != want);
+        }
+    }
+
+    #[test]
+    fn orders_and_sizes_are_checked() {
+        for order in [&[0, 0][..], &[0, 2], &[1]] {
+            let [end, _] = <[Threads; 2]>::try_from(Threads::new(2)).unwrap();
+            let why = composite(&image(0), order, &end).unwrap_err().to_string();
+            assert!(why.contains("each of 2 ranks once"), "{why}");
+        }
+        let ends = Threads::new(2);
+        let results: Vec<_> = std::thread::scope(|scope| {
+            let rank = |end: Threads| {
+                let image = Image::new(8, 8 + end.rank(), vec![[0.5; 4]; num::index(64 + 8 * end.rank())]).unwrap();
+                scope.spawn(move || composite(&image, &[1, 0], &end))
+            };
+            let running: Vec<_> = ends.into_iter().map(rank).collect();
+            running.into_iter().map(|thread| thread.join().unwrap()).collect()
+        });
+        let why = results[0].as_ref().unwrap_err().to_string();
+        assert!(why.contains("rank 1") && why.contains("size"), "{why}");
+    }
+
+    #[test]
+    fn codes_are_those_of_active_pixels() {
+        let mut pixels = vec![[0.0; 4]; 1000];
+        pixels[7] = [0.1, 0.2, 0.3, 0.4];
+        pixels[8] = [0.0, 0.0, 0.0, 1.0];
+        pixels[999] = [1.0; 4];
+        let bytes = encoded(&pixels);
+        assert_eq!(bytes.len(), 3 * 16 + 2 * 8);
+        assert_eq!(decoded(&bytes, 1000).unwrap(), pixels);
+        assert!(decoded(&bytes, 999).is_none() && decoded(&bytes, 1001).is_none());
+        assert!((1..bytes.len()).all(|end| decoded(&bytes[..end], 1000).is_none()));
+        assert_eq!(encoded(&[[0.0; 4]; 50]).len(), 8);
+    }
+}

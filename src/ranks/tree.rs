@@ -1,0 +1,155 @@
+//! The k-d tree that cuts space into a box per rank.
+
+use glam::DVec3;
+
+use crate::error::{Error, Result};
+use crate::num;
+use crate::scene::{Data, Scene, View};
+
+/// Places along an axis at which a box may be cut.
+const PLACES: usize = 1024;
+
+/// The work of what shows nothing, of that of what does: a look at it.
+const HIDDEN: f64 = 0.02;
+
+/// Boxes of about the same visible work, one per rank, that fill space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KdTree {
+    root: Node,
+    boxes: Vec<[DVec3; 2]>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Node {
+    Rank(u32),
+    /// A plane across an axis, with what lies below and above.
+    Plane(usize, f64, Box<[Node; 2]>),
+}
+
+/// A place and the work that it is.
+type Item = (DVec3, f64);
+
+impl KdTree {
+    /// Cuts space for so many ranks: by the samples of a grid, or of its overview where they are read on demand, that the transfer function
+    /// shows, or by the cells of a mesh. Equal scenes give equal trees.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`] for no ranks, and for points.
+    pub fn new(scene: &Scene, ranks: u32) -> Result<Self> {
+        if ranks == 0 {
+            return Err(Error::invalid("ranks", "0: at least 1"));
+        }
+        let mut items: Vec<Item> = match &scene.data {
+            Data::Grid(grid) => {
+                let grid = &*grid.overview();
+                let [width, height, depth] = grid.dims();
+                let indices = (0..depth).flat_map(|z| (0..height).flat_map(move |y| (0..width).map(move |x| [x, y, z])));
+                let item = |[x, y, z]: [u32; 3]| {
+                    let shown = scene.transfer.at(grid.value(x, y, z)).1 > 0.0;
+                    let place = DVec3::from_array([x, y, z].map(f64::from));
+                    (grid.world_of_index(place), if shown { 1.0 } else { HIDDEN })
+                };
+                indices.map(item).collect()
+            }
+            Data::Mesh(mesh) => {
+                let points = mesh.points();
+                let middle = |cell: &[u32; 4]| {
+                    (cell.map(|i| points[num::index(i)]).into_iter().sum::<DVec3>() / 4.0, 1.0)
+                };
+                mesh.cells().iter().map(middle).collect()
+            }
+            _ => return Err(Error::invalid("ranks", "kernels overlap, so that no boxes own them")),
+        };
+        let mut boxes = Vec::new();
+        let all = [DVec3::NEG_INFINITY, DVec3::INFINITY];
+        let root = cut(&mut items, ranks, all, &mut boxes);
+        Ok(Self { root, boxes })
+    }
+
+    /// Returns the least and the greatest corner of the box of each rank; the outer sides are infinite.
+    #[must_use]
+    pub fn boxes(&self) -> &[[DVec3; 2]] {
+        &self.boxes
+    }
+
+    /// Returns the ranks in visibility order: along any ray of a view it meets their boxes in this order.
+    #[must_use]
+    pub fn order(&self, view: &View) -> Vec<u32> {
+        let mut order = Vec::new();
+        self.root.walk(view, &mut order);
+        order
+    }
+}
+
+impl Node {
+    fn walk(&self, view: &View, order: &mut Vec<u32>) {
+        match self {
+            Self::Rank(rank) => order.push(*rank),
+            Self::Plane(axis, at, sides) => {
+                // Rays run from the side of the eye, or all one way.
+                let upwards =
+                    if view.is_perspective() { view.camera().eye[*axis] < *at } else { view.forward()[*axis] > 0.0 };
+                let [near, far] = if upwards { [0, 1] } else { [1, 0] };
+                sides[near].walk(view, order);
+                sides[far].walk(view, order);
+            }
+        }
+    }
+}
+
+/// Cuts a box, which these items lie in, for so many ranks.
+fn cut(items: &mut [Item], ranks: u32, [low, high]: [DVec3; 2], boxes: &mut Vec<[DVec3; 2]>) -> Node {
+    if ranks == 1 {
+        boxes.push([low, high]);
+        return Node::Rank(num::count(boxes.len()) - 1);
+    }
+    let below = ranks / 2;
+    let (axis, at) = plane(items, f64::from(below) / f64::from(ranks), [low, high]);
+    let middle = partition(items, |(place, _)| place[axis] < at);
+    let (left, right) = items.split_at_mut(middle);
+    let (mut end, mut begin) = (high, low);
+    (end[axis], begin[axis]) = (at, at);
+    let left = cut(left, below, [low, end], boxes);
+    let right = cut(right, ranks - below, [begin, high], boxes);
+    Node::Plane(axis, at, Box::new([left, right]))
+}
+
+/// Returns the plane across the longest axis of the items that leaves a share of their work below it.
+fn plane(items: &[Item], share: f64, [low, high]: [DVec3; 2]) -> (usize, f64) {
+    let first = items.iter().fold(DVec3::INFINITY, |least, (place, _)| least.min(*place));
+    let last = items.iter().fold(DVec3::NEG_INFINITY, |most, (place, _)| most.max(*place));
+    let extent = last - first;
+    let axis = extent.max_position();
+    if !(extent[axis] > 0.0) {
+        // No work, or all at one place: any plane that cuts the box.
+        let at = [low[axis], high[axis]].into_iter().filter(|side| side.is_finite()).sum::<f64>();
+        let both = low[axis].is_finite() && high[axis].is_finite();
+        return (axis, if both { 0.5 * at } else if low[axis].is_finite() { at + 1.0 } else { at - 1.0 });
+    }
+    let mut work = vec![0.0; PLACES];
+    for (place, weight) in items {
+        let bin = (place[axis] - first[axis]) / extent[axis] * num::f64_of(PLACES);
+        work[num::index(num::u32_of(bin)).min(PLACES - 1)] += weight;
+    }
+    let wanted = share * work.iter().sum::<f64>();
+    let mut sum = 0.0;
+    let mut best = (f64::INFINITY, 1);
+    for (i, weight) in work.iter().enumerate().take(PLACES - 1) {
+        sum += weight;
+        best = if (sum - wanted).abs() < best.0 { ((sum - wanted).abs(), i + 1) } else { best };
+    }
+    (axis, first[axis] + extent[axis] * num::f64_of(best.1) / num::f64_of(PLACES))
+}
+
+/// Moves the items that a test accepts to the front; returns their number.
+fn partition(items: &mut [Item], accepts: impl Fn(&Item) -> bool) -> usize {
+    let mut next = 0;
+    for i in 0..items.len() {
+        if accepts(&items[i]) {
+            items.swap(i, next);
+            next += 1;
+        }
+    }
+    next
+}

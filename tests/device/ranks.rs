@@ -1,0 +1,193 @@
+//! Several ranks draw the image of one process.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+
+use std::sync::Arc;
+
+use crate::common::*;
+use glam::DVec3;
+use volraster::gpu::GpuOptions;
+use volraster::measure::ImageErrors;
+use volraster::ranks::{KdTree, Threads, render};
+use volraster::scene::{
+    Camera, Clip, Field, Lighting, Mode, Projection, Scene, Surface, TransferFunction, View,
+};
+use volraster::technique::Renderer;
+use volraster::{GpuScene, Image, Result};
+
+fn fog() -> TransferFunction {
+    TransferFunction::from_rows(&[
+        [0.0, 0.1, 0.2, 0.9, 0.02],
+        [0.3, 0.1, 0.2, 0.9, 0.0],
+        [0.6, 0.9, 0.5, 0.1, 3.0],
+        [1.0, 1.0, 1.0, 0.3, 40.0],
+    ])
+    .unwrap()
+}
+
+/// From outside, from within, and along an axis, where a column of rays lies in a plane across the middle.
+fn views() -> [View; 3] {
+    let along = Camera {
+        eye: DVec3::new(0.0, 0.0, 4.0),
+        target: DVec3::ZERO,
+        up: DVec3::Y,
+        projection: Projection::Orthographic { half_height: 1.2 },
+    };
+    [view(perspective(), 1.0, 70, 60), view(perspective(), 0.2, 50, 40), View::new(along, 51, 51).unwrap()]
+}
+
+/// Draws with ranks that are threads, and returns what each has.
+fn drawn(scene: &Arc<GpuScene>, spec: &str, view: &View, ranks: u32) -> Vec<Result<Option<Image>>> {
+    let tree = KdTree::new(scene.scene(), ranks).unwrap();
+    assert_eq!(tree.boxes().len(), ranks as usize);
+    std::thread::scope(|scope| {
+        let rank = |end: Threads| {
+            let (tree, technique) = (&tree, technique(spec));
+            scope.spawn(move || render(scene, technique, view, tree, &end))
+        };
+        let running: Vec<_> = Threads::new(ranks).into_iter().map(rank).collect();
+        running.into_iter().map(|thread| thread.join().unwrap()).collect()
+    })
+}
+
+fn is_same(scene: &Arc<GpuScene>, spec: &str, what: &str) {
+    for view in &views() {
+        let want = draw_on(scene, view, spec);
+        for ranks in taken(1, [2, 3, 5, 8]) {
+            let mut all = drawn(scene, spec, view, ranks).into_iter().map(Result::unwrap);
+            let got = all.next().flatten().unwrap();
+            assert!(all.all(|image| image.is_none()));
+            let errors = ImageErrors::between(&got, &want).unwrap().all;
+            println!("{what} {spec}, {ranks} ranks: {:.1e}, at most {:.1e}", errors.rmse, errors.max_abs);
+            assert!(errors.max_abs <= 2e-6, "{what} {spec}, {ranks} ranks: {errors:?}");
+            assert!(want.pixels().iter().any(|pixel| (0.2..0.9).contains(&pixel[3])));
+        }
+    }
+}
+
+/// Grids are cut into the same pieces, whatever the number of ranks and the technique: whole, or in pages.
+#[test]
+fn grids_are_those_of_one_process() {
+    let specs = [
+        "slices-3d:step=0.7",
+        "slices-3d:step=2,empty-space=march",
+        "slabs",
+        "slabs:step=2,integrator=exact,filter=exact",
+        "raycast:step=1.3",
+        "raycast:step=2,integrator=integral",
+        "slices-2d:step=0.5",
+        "slices-2d:step=2",
+    ];
+    let dims = [90, 66, 71];
+    let plain = Scene::new(Field::Blobs.sample(dims, "f32").unwrap(), fog());
+    let lit = plain.clone().with_mode(Mode::Lit(Lighting::default())).unwrap();
+    let whole = gpu();
+    let paged = gpu_with(GpuOptions { page_pool: Some(3 * (67_u64.pow(3) * 4 + 4)), ..GpuOptions::default() });
+    for (name, gpu) in [("whole", &*whole), ("paged", &*paged)] {
+        let scene = GpuScene::new(gpu, plain.clone());
+        for spec in taken(2, specs) {
+            is_same(&scene, spec, name);
+        }
+        is_same(&GpuScene::new(gpu, lit.clone()), "slabs", &format!("{name}, lit"));
+    }
+}
+
+/// Meshes are clipped to boxes.
+#[test]
+fn meshes_are_those_of_one_process() {
+    let gpu = gpu();
+    let scene = GpuScene::new(&gpu, Scene::new(Field::Blobs.tets(9).unwrap(), fog()));
+    for spec in ["havs:integrator=exact", "abuffer:integrator=exact", "projected-tets:integrator=exact"] {
+        is_same(&scene, spec, "mesh");
+    }
+}
+
+/// What a view is clipped to is cut off from the boxes; a box owns nothing outside.
+#[test]
+fn clipped_views_are_shared_out() {
+    let gpu = gpu();
+    let scene = GpuScene::new(&gpu, scene(Field::Blobs, 40, "f32", &FOG));
+    let clip = Clip::none().with_plane(DVec3::new(0.1, 0.2, 0.0), DVec3::new(0.3, -1.0, 0.2)).unwrap();
+    let view = views()[0].with_clip(clip);
+    for spec in ["slabs:step=2", "slices-3d", "raycast", "slices-2d"] {
+        let got = drawn(&scene, spec, &view, 3).swap_remove(0).unwrap().unwrap();
+        let errors = ImageErrors::between(&got, &draw_on(&scene, &view, spec)).unwrap().all;
+        assert!(errors.max_abs <= 2e-6, "{spec}: {errors:?}");
+        let [low, high] = [DVec3::splat(5.0), DVec3::splat(6.0)];
+        let empty = draw_on(&scene, &view.with_owned(low, high).unwrap(), spec);
+        assert!(empty.pixels().iter().all(|pixel| *pixel == [0.0; 4]), "{spec}");
+    }
+}
+
+/// A plan turns from view to view and from box to box; without one it is prepared anew.
+#[test]
+fn boxes_move_with_a_plan() {
+    let gpu = gpu();
+    let scene = GpuScene::new(&gpu, scene(Field::Blobs, 40, "f32", &FOG));
+    let [first, ..] = views();
+    let half = |x: f64| first.with_owned(DVec3::new(x, -9.0, -9.0), DVec3::splat(9.0)).unwrap();
+    let mut frames = Renderer::new(&scene, technique("slabs")).frames(&half(0.0)).unwrap();
+    for view in [half(0.0), half(0.3), first, half(-0.5)] {
+        frames.draw(&view).unwrap();
+        assert!(frames.read_back().unwrap() == draw_on(&scene, &view, "slabs"));
+    }
+}
+
+/// What boxes cannot own is refused on every rank, in one line.
+#[test]
+fn what_no_box_owns_is_refused() {
+    let gpu = gpu();
+    let grid = scene(Field::Blobs, 16, "f32", &FOG);
+    let pane = Surface::new(vec![DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]], [0.1, 0.2, 0.3, 0.5]).unwrap();
+    let refused = |scene: &Scene, spec: &str| {
+        let scene = GpuScene::new(&gpu, scene.clone());
+        let all = drawn(&scene, spec, &views()[0], 2);
+        all.into_iter().map(|result| result.unwrap_err().to_string()).collect::<Vec<_>>()
+    };
+    let maximum = grid.clone().with_mode(Mode::Maximum).unwrap();
+    let with_pane = grid.clone().with_surfaces(vec![pane]);
+    for (scene, spec, why) in [
+        (&grid, "shear-warp", "slices-2d draws the same"),
+        (&grid, "slabs:resolution=half", "resolution=full"),
+        (&grid, "raycast:tolerance=0.01", "set step"),
+        (&grid, "slabs:route=raster", "set compute"),
+        (&maximum, "raycast", "do not add up"),
+        (&with_pane, "slabs", "surfaces"),
+    ] {
+        for message in refused(scene, spec) {
+            assert!(message.contains(why) && !message.contains('\n'), "{spec}: {message}");
+        }
+    }
+    let points = Scene::new(Field::Blobs.points(50).unwrap().with_estimated_radius(), fog());
+    assert!(KdTree::new(&points, 2).unwrap_err().to_string().contains("kernels"));
+    assert!(KdTree::new(&grid, 0).unwrap_err().to_string().contains("at least 1"));
+}
+
+/// Samples that boxes ask for are shared out about evenly, for four scenes and several numbers of ranks; and boxes fill space.
+#[test]
+fn work_is_shared_out_evenly() {
+    let gpu = gpu();
+    let sharp = TransferFunction::from_rows(&[[0.7, 0.9, 0.4, 0.1, 0.0], [0.9, 1.0, 0.9, 0.2, 30.0]]).unwrap();
+    let grid = |field: Field, transfer| Scene::new(field.sample([96; 3], "f32").unwrap(), transfer);
+    let all = [
+        grid(Field::Blobs, fog()),
+        grid(Field::Blobs, sharp),
+        grid(Field::MarschnerLobb, fog()),
+        grid(Field::Ramp, fog()),
+    ];
+    let [view, ..] = views();
+    for scene in all {
+        let on_device = GpuScene::new(&gpu, scene.clone());
+        for ranks in [2, 4, 7, 8] {
+            let tree = KdTree::new(&scene, ranks).unwrap();
+            let samples = |[low, high]: &[DVec3; 2]| {
+                let view = view.with_owned(*low, *high).unwrap();
+                let counts = Renderer::new(&on_device, technique("slabs:stop=0")).count(&view).unwrap();
+                counts.iter().find(|(key, _)| *key == "samples").map_or(0, |(_, n)| *n)
+            };
+            let work: Vec<u64> = tree.boxes().iter().map(samples).collect();
+            let (most, sum) = (*work.iter().max().unwrap(), work.iter().sum::<u64>());
+            println!("{ranks} ranks: {work:?}, {:.2}", (most * u64::from(ranks)) as f64 / sum as f64);
+        }
+    }
+}
