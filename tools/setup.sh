@@ -2,7 +2,7 @@
 # Makes a fresh Debian or Ubuntu machine able to build and run volraster:
 #
 #     tools/setup.sh            what building and running need
-#     tools/setup.sh --tests    the validation layers, Vulkan's C headers, CMake, pkg-config, valgrind and Python's venv too
+#     tools/setup.sh --tests    the validation layers, Vulkan's C headers, CMake, pkg-config, valgrind, Python's venv and Open MPI too
 #     tools/setup.sh --window   what a window needs at run time, too; with --tests a display without a screen
 #
 # It installs only what is missing, and does nothing (in well under a second) when all is there.
@@ -64,6 +64,8 @@ why() {
     mesa-vulkan-drivers) echo "Mesa's drivers, among them lavapipe, which needs no GPU" ;;
     libvulkan-dev) echo "Vulkan's C headers, for the C example that the tests build" ;;
     valgrind) echo "checks of memory in the C and C++ examples" ;;
+    libopenmpi-dev | openmpi-bin) echo "Open MPI, by which several processes draw one image" ;;
+    libclang-dev) echo "reading MPI's C header" ;;
     python3-venv) echo "a fresh environment, into which the Python package is installed" ;;
     pkgconf) echo "pkg-config, by which a test finds the installed libraries" ;;
     vulkan-validationlayers) echo "the validation layers, which every test runs under" ;;
@@ -128,7 +130,9 @@ install() { # packages, all of them missing
 
 # What the program and the tests need at run time, and the compilers: nothing replaces these.
 required=(make g++ binutils spirv-tools libvulkan1 mesa-vulkan-drivers)
-if $with_tests; then required+=(vulkan-validationlayers libvulkan-dev cmake pkgconf python3-venv valgrind); fi
+if $with_tests; then
+    required+=(vulkan-validationlayers libvulkan-dev cmake pkgconf python3-venv valgrind libopenmpi-dev openmpi-bin libclang-dev)
+fi
 if $with_window; then
     required+=(libxcursor1 libxi6 libxkbcommon-x11-0 libx11-xcb1 libwayland-client0 libxkbcommon0)
     if $with_tests; then required+=(xvfb); fi

@@ -76,7 +76,7 @@ selftest() {
 }
 
 begin=$SECONDS
-cargo test --no-run 2>&1 | tee "$scratch/build"
+cargo test --no-run --features mpi 2>&1 | tee "$scratch/build"
 mapfile -t executables < <(sed -nE 's/^ *Executable .*\((.*)\)$/\1/p' "$scratch/build")
 [ ${#executables[@]} -gt 0 ] || { echo "no test executable was built" && exit 1; }
 printf '\n==> built in %d s\n' $((SECONDS - begin))

@@ -239,8 +239,9 @@ impl Plan {
             _ => None,
         };
         let bounds = canvas.bounds.as_ref();
-        let bounds =
-            bounds.map(|bounds| RayBounds::new(gpu, BOUNDS, bounds, target.depth, measure, &drawn)).transpose()?;
+        let bounds = bounds
+            .map(|bounds| RayBounds::new(gpu, BOUNDS, bounds, target.depth, measure, &drawn))
+            .transpose()?;
         let owned = canvas.owned.as_ref();
         let owned = owned.map(|owned| RayBounds::of_owned(gpu, owned, measure, &drawn)).transpose()?;
         let smaller = prepared.image().filter(|_| side > 1);

@@ -9,8 +9,8 @@ use crate::error::{Error, Result};
 use crate::frame::depth_measure::{DepthMeasure, PixelRays};
 use crate::frame::surfaces::SurfaceFrame;
 use crate::gpu::shader::{
-    BOUNDS_FAR_AT_ONE, BOUNDS_OWNED, BOUNDS_PERSPECTIVE, BOUNDS_PLANES, LINE_BOUNDS_DEPTH, LINE_BOUNDS_PLANES,
-    LineBoundsDepth, LineBoundsPlanes,
+    BOUNDS_FAR_AT_ONE, BOUNDS_OWNED, BOUNDS_PERSPECTIVE, BOUNDS_PLANES, LINE_BOUNDS_DEPTH,
+    LINE_BOUNDS_PLANES, LineBoundsDepth, LineBoundsPlanes,
 };
 use crate::gpu::{Buffer, BufferUse, DepthImage, Gpu, Recorder, Sampled};
 use crate::interface::BoundsPush;

@@ -78,7 +78,8 @@ impl Refinement {
         let canvas = Canvas { bounds, sampled: false, redrawn: list, ..smaller.clone() };
         let prepared = prepare(view, &canvas)?;
         let bounds = canvas.bounds.as_ref();
-        let bounds = bounds.map(|bounds| RayBounds::new(gpu, BOUNDS, bounds, false, prepared.measure(), view));
+        let bounds =
+            bounds.map(|bounds| RayBounds::new(gpu, BOUNDS, bounds, false, prepared.measure(), view));
         let outcome = Arc::new(Refined { head: download(gpu, "redrawn.head", 4 * u64::from(PIXELS_FIRST))? });
         let most_passes = passes(&dry_run(gpu, |recorder, target| prepared.record_most(recorder, target)));
         Ok(Self { redrawn, bounds: bounds.transpose()?, prepared, most_passes, outcome })

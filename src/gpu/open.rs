@@ -43,7 +43,7 @@ pub(super) struct Opened {
 pub fn devices(wanted: Option<&str>) -> Result<Vec<DeviceReport>> {
     let instance = Instance::new(&GpuOptions::default())?;
     let wanted = wanted_name(wanted);
-    let (_, candidates) = select::survey(&instance, wanted.as_deref())?;
+    let (_, candidates) = select::survey(&instance, wanted.as_deref(), 0)?;
     Ok(candidates.into_iter().map(|candidate| candidate.report).collect())
 }
 
@@ -81,7 +81,7 @@ impl Gpu {
         }
         let instance = Instance::new(options)?;
         let wanted = wanted_name(options.device.as_deref());
-        let (best, mut candidates) = select::survey(&instance, wanted.as_deref())?;
+        let (best, mut candidates) = select::survey(&instance, wanted.as_deref(), options.nth)?;
         let reports: Vec<DeviceReport> = candidates.iter().map(|c| c.report.clone()).collect();
         let Some(best) = best else {
             let reasons: Vec<String> = reports.iter().map(|r| format!("{}: {}", r.name, r.reason)).collect();

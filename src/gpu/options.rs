@@ -18,6 +18,9 @@ pub struct GpuOptions {
     /// Part of the device's name; case is ignored. The default is the environment variable `VOLRASTER_DEVICE`, else
     /// the best device: a real GPU before a software one. The name `none` refuses every device.
     pub device: Option<String>,
+    /// Number of the device among those of the best kind with that name, which are counted round: processes that share a machine each take one
+    /// of their own where there are several.
+    pub nth: u32,
     /// Checks of the validation layer. A missing layer is an error.
     pub validation: Validation,
     /// Log that collects the layer's messages; the default is a log of the device's own. A log given here also gets the

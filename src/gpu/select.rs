@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::instance::{Instance, version_text};
 use crate::error::{Error, Result};
+use crate::num;
 
 /// A device of the system, and whether it was chosen.
 #[derive(Clone, Debug, Serialize)]
@@ -58,14 +59,16 @@ fn rank(kind: &str) -> usize {
 }
 
 /// Returns the index of the best offer, and the reason for each one.
-fn choose(offers: &[Offer<'_>], wanted: Option<&str>) -> (Option<usize>, Vec<String>) {
+fn choose(offers: &[Offer<'_>], wanted: Option<&str>, nth: u32) -> (Option<usize>, Vec<String>) {
     let matches = |name: &str| wanted.is_none_or(|w| name.to_lowercase().contains(&w.to_lowercase()));
-    let best = (0..offers.len())
-        .filter(|&i| offers[i].refused.is_none() && matches(offers[i].name))
-        .min_by_key(|&i| rank(offers[i].kind));
+    let usable = || (0..offers.len()).filter(|&i| offers[i].refused.is_none() && matches(offers[i].name));
+    let kind = usable().map(|i| rank(offers[i].kind)).min();
+    let of_kind: Vec<usize> = usable().filter(|&i| Some(rank(offers[i].kind)) == kind).collect();
+    let best = of_kind.get(num::index(nth) % of_kind.len().max(1)).copied();
     let verdicts = offers.iter().enumerate().map(|(i, offer)| match (best, wanted) {
         (Some(b), Some(w)) if b == i => format!("its name contains \"{w}\""),
         (Some(b), None) if b == i && offer.kind == "cpu" => "no real GPU qualifies".to_string(),
+        (Some(b), _) if b == i && of_kind[0] != i => "its number among those of the best kind".to_string(),
         (Some(b), _) if b == i => "first of the best kind".to_string(),
         _ if !matches(offer.name) => format!("its name does not contain \"{}\"", wanted.unwrap_or_default()),
         _ => match (offer.refused, best) {
@@ -81,7 +84,11 @@ fn choose(offers: &[Offer<'_>], wanted: Option<&str>) -> (Option<usize>, Vec<Str
 }
 
 /// Inspects every device. Returns the index of the one to open, and all.
-pub(crate) fn survey(instance: &Instance, wanted: Option<&str>) -> Result<(Option<usize>, Vec<Candidate>)> {
+pub(crate) fn survey(
+    instance: &Instance,
+    wanted: Option<&str>,
+    nth: u32,
+) -> Result<(Option<usize>, Vec<Candidate>)> {
     // SAFETY: the instance is alive.
     let devices = unsafe { instance.raw.enumerate_physical_devices() }
         .map_err(|result| Error::vulkan("vkEnumeratePhysicalDevices", result))?;
@@ -91,7 +98,7 @@ pub(crate) fn survey(instance: &Instance, wanted: Option<&str>) -> Result<(Optio
         .iter()
         .map(|c| Offer { name: &c.report.name, kind: c.report.kind, refused: c.refused.as_deref() })
         .collect();
-    let (best, verdicts) = choose(&offers, wanted);
+    let (best, verdicts) = choose(&offers, wanted, nth);
     for (i, (candidate, reason)) in candidates.iter_mut().zip(verdicts).enumerate() {
         candidate.report.chosen = best == Some(i);
         candidate.report.reason = reason;
@@ -203,19 +210,19 @@ mod tests {
 
     #[test]
     fn a_real_gpu_comes_before_a_software_one() {
-        let (best, why) = choose(&[offer("llvmpipe", "cpu"), offer("GeForce", "discrete")], None);
+        let (best, why) = choose(&[offer("llvmpipe", "cpu"), offer("GeForce", "discrete")], None, 0);
         assert_eq!(best, Some(1));
         assert_eq!(why[0], "usable, but a discrete device is taken before a cpu one");
-        assert_eq!(choose(&[offer("llvmpipe", "cpu")], None).1, ["no real GPU qualifies"]);
+        assert_eq!(choose(&[offer("llvmpipe", "cpu")], None, 0).1, ["no real GPU qualifies"]);
     }
 
     #[test]
     fn a_name_wins_over_the_kind_and_case_does_not_count() {
         let offers = [offer("llvmpipe (LLVM)", "cpu"), offer("GeForce", "discrete")];
-        let (best, why) = choose(&offers, Some("LLVMpipe"));
+        let (best, why) = choose(&offers, Some("LLVMpipe"), 0);
         assert_eq!(best, Some(0));
         assert_eq!(why[1], "its name does not contain \"LLVMpipe\"");
-        assert_eq!(choose(&offers, Some("radeon")).0, None);
+        assert_eq!(choose(&offers, Some("radeon"), 0).0, None);
     }
 
     #[test]
@@ -240,7 +247,7 @@ mod tests {
             refused: Some("Vulkan 1.1.0 is older than the required 1.3"),
             ..offer("Old", "discrete")
         };
-        let (best, why) = choose(&[old, offer("llvmpipe", "cpu")], None);
+        let (best, why) = choose(&[old, offer("llvmpipe", "cpu")], None, 0);
         assert_eq!(best, Some(1));
         assert!(why[0].contains("1.1.0"));
     }

@@ -1,5 +1,6 @@
 //! What ranks say to each other.
 
+use std::cell::Cell;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use crate::error::{Error, Result};
@@ -22,6 +23,41 @@ pub trait Communicator {
     fn exchange(&self, messages: &[(u32, Vec<u8>)]) -> Result<Vec<Vec<u8>>>;
 }
 
+/// A communicator that counts the bytes that it sends.
+#[derive(Debug)]
+pub struct Counted<C> {
+    inner: C,
+    sent: Cell<u64>,
+}
+
+impl<C: Communicator> Counted<C> {
+    /// Takes a communicator that has sent nothing yet.
+    pub fn new(inner: C) -> Self {
+        Self { inner, sent: Cell::new(0) }
+    }
+
+    /// Returns the bytes sent so far.
+    pub fn sent(&self) -> u64 {
+        self.sent.get()
+    }
+}
+
+impl<C: Communicator> Communicator for Counted<C> {
+    fn rank(&self) -> u32 {
+        self.inner.rank()
+    }
+
+    fn size(&self) -> u32 {
+        self.inner.size()
+    }
+
+    fn exchange(&self, messages: &[(u32, Vec<u8>)]) -> Result<Vec<Vec<u8>>> {
+        let bytes: u64 = messages.iter().map(|(_, bytes)| num::wide(bytes.len())).sum();
+        self.sent.set(self.sent.get() + bytes);
+        self.inner.exchange(messages)
+    }
+}
+
 /// Makes the failure of one rank that of all: returns what this rank has made where no rank has failed, else the error of the first that has.
 ///
 /// # Errors
@@ -33,13 +69,13 @@ pub fn agree<T>(ranks: &dyn Communicator, made: Result<T>) -> Result<T> {
         Err(error) => [&[error.exit_code()], error.to_string().as_bytes()].concat(),
     };
     let first = if ranks.rank() == 0 {
-        let others = |bytes: &[u8]| -> Vec<_> { (1..ranks.size()).map(|rank| (rank, bytes.to_vec())).collect() };
+        let others =
+            |bytes: &[u8]| -> Vec<_> { (1..ranks.size()).map(|rank| (rank, bytes.to_vec())).collect() };
         let mut all = ranks.exchange(&others(&[]))?;
         all.insert(0, own);
         let failed = all.iter().position(|error| !error.is_empty());
-        let first = failed.map_or(Vec::new(), |rank| {
-            [&num::count(rank).to_le_bytes(), &all[rank][..]].concat()
-        });
+        let first =
+            failed.map_or(Vec::new(), |rank| [&num::count(rank).to_le_bytes(), &all[rank][..]].concat());
         ranks.exchange(&others(&first))?;
         first
     } else {

@@ -21,7 +21,10 @@ pub fn composite(image: &Image, order: &[u32], ranks: &dyn Communicator) -> Resu
     named.sort_unstable();
     let place = order.iter().position(|&rank| rank == ranks.rank());
     let (true, Some(place)) = (named.iter().copied().eq(0..size), place) else {
-        return Err(Error::invalid("visibility order", format!("{order:?}: must name each of {size} ranks once")));
+        return Err(Error::invalid(
+            "visibility order",
+            format!("{order:?}: must name each of {size} ranks once"),
+        ));
     };
 
     // Exchange and composite pieces, round by round.
@@ -149,7 +152,11 @@ mod tests {
     fn image(rank: u32) -> Image {
         let pixel = |i: u32| {
             let word = (i * 7 + rank * 13).wrapping_mul(0x9E37_79B9) >> 16;
-            if word % 3 == 0 { [0.0; 4] } else { [0.0, 0.1 * (rank % 5) as f32, 0.2, 0.3 + 0.05 * (rank % 7) as f32] }
+            if word % 3 == 0 {
+                [0.0; 4]
+            } else {
+                [0.0, 0.1 * (rank % 5) as f32, 0.2, 0.3 + 0.05 * (rank % 7) as f32]
+            }
         };
         Image::new(13, 11, (0..143).map(pixel).collect()).unwrap()
     }
@@ -178,7 +185,8 @@ mod tests {
             assert!(all[1..].iter().all(Option::is_none));
             let want = order.iter().map(|&rank| image(rank).pixels().to_vec()).reduce(over).unwrap();
             let got = all[0].as_ref().unwrap();
-            let apart = got.pixels().iter().zip(&want).flat_map(|(a, b)| (0..4).map(move |c| (a[c] - b[c]).abs()));
+            let apart =
+                got.pixels().iter().zip(&want).flat_map(|(a, b)| (0..4).map(move |c| (a[c] - b[c]).abs()));
             let most = apart.fold(0.0, f32::max);
             assert!(most <= 3e-7, "{size}: {most}");
             let backwards: Vec<u32> = order.iter().rev().copied().collect();
@@ -198,7 +206,8 @@ mod tests {
         let ends = Threads::new(2);
         let results: Vec<_> = std::thread::scope(|scope| {
             let rank = |end: Threads| {
-                let image = Image::new(8, 8 + end.rank(), vec![[0.5; 4]; num::index(64 + 8 * end.rank())]).unwrap();
+                let image =
+                    Image::new(8, 8 + end.rank(), vec![[0.5; 4]; num::index(64 + 8 * end.rank())]).unwrap();
                 scope.spawn(move || composite(&image, &[1, 0], &end))
             };
             let running: Vec<_> = ends.into_iter().map(rank).collect();

@@ -3,14 +3,18 @@
 use glam::DVec3;
 
 use crate::error::{Error, Result};
+use crate::gpu::shader::BRICK;
 use crate::num;
-use crate::scene::{Data, Scene, View};
+use crate::scene::{Data, Grid, Scene, TransferFunction, View};
 
 /// Places along an axis at which a box may be cut.
 const PLACES: usize = 1024;
 
 /// The work of what shows nothing, of that of what does: a look at it.
 const HIDDEN: f64 = 0.02;
+
+/// The distance up to which a view magnifies more and more, by the diagonal of the data.
+const NEAREST: f64 = 0.02;
 
 /// Boxes of about the same visible work, one per rank, that fill space.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,36 +35,50 @@ type Item = (DVec3, f64);
 
 impl KdTree {
     /// Cuts space for so many ranks: by the samples of a grid, or of its overview where they are read on demand, that the transfer function
-    /// shows, or by the cells of a mesh. Equal scenes give equal trees.
+    /// shows, or by the cells of a mesh. A view magnifies what is near, and its rays are the denser there; other views may share the tree.
+    /// Equal arguments give equal trees.
     ///
     /// # Errors
     ///
     /// [`Error::Invalid`] for no ranks, and for points.
-    pub fn new(scene: &Scene, ranks: u32) -> Result<Self> {
+    pub fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
         if ranks == 0 {
             return Err(Error::invalid("ranks", "0: at least 1"));
         }
-        let mut items: Vec<Item> = match &scene.data {
+        let [first, .., last] = scene.data.corners();
+        let nearest = NEAREST * first.distance(last);
+        let work = |place: DVec3, shows: bool| {
+            let [width, height] = view.extent().map(f64::from);
+            let seen = view
+                .project(place)
+                .filter(|(at, _)| shows && (0.0..=width).contains(&at.x) && (0.0..=height).contains(&at.y));
+            let rays = |(_, depth): (_, f64)| {
+                if view.is_perspective() { depth.max(nearest).powi(-2) } else { 1.0 }
+            };
+            (place, seen.map(rays))
+        };
+        let found: Vec<(DVec3, Option<f64>)> = match &scene.data {
             Data::Grid(grid) => {
-                let grid = &*grid.overview();
-                let [width, height, depth] = grid.dims();
-                let indices = (0..depth).flat_map(|z| (0..height).flat_map(move |y| (0..width).map(move |x| [x, y, z])));
-                let item = |[x, y, z]: [u32; 3]| {
-                    let shown = scene.transfer.at(grid.value(x, y, z)).1 > 0.0;
-                    let place = DVec3::from_array([x, y, z].map(f64::from));
-                    (grid.world_of_index(place), if shown { 1.0 } else { HIDDEN })
+                let (overview, shown) = (grid.overview(), Bricks::of(grid, &scene.transfer));
+                let item = |index: [u32; 3]| {
+                    let place = DVec3::from_array(index.map(f64::from));
+                    work(overview.world_of_index(place), shown.holds(index))
                 };
-                indices.map(item).collect()
+                indices(overview.dims()).map(item).collect()
             }
             Data::Mesh(mesh) => {
                 let points = mesh.points();
                 let middle = |cell: &[u32; 4]| {
-                    (cell.map(|i| points[num::index(i)]).into_iter().sum::<DVec3>() / 4.0, 1.0)
+                    work(cell.map(|i| points[num::index(i)]).into_iter().sum::<DVec3>() / 4.0, true)
                 };
                 mesh.cells().iter().map(middle).collect()
             }
             _ => return Err(Error::invalid("ranks", "kernels overlap, so that no boxes own them")),
         };
+        let most = found.iter().filter_map(|(_, work)| *work).fold(0.0, f64::max);
+        let hidden = HIDDEN * if most > 0.0 { most } else { 1.0 };
+        let mut items: Vec<Item> =
+            found.into_iter().map(|(place, work)| (place, work.unwrap_or(hidden))).collect();
         let mut boxes = Vec::new();
         let all = [DVec3::NEG_INFINITY, DVec3::INFINITY];
         let root = cut(&mut items, ranks, all, &mut boxes);
@@ -73,6 +91,18 @@ impl KdTree {
         &self.boxes
     }
 
+    /// Returns what a rank needs of a scene: of a mesh the cells that meet its box, else the whole.
+    #[must_use]
+    pub fn part(&self, scene: &Scene, rank: u32) -> Scene {
+        match &scene.data {
+            Data::Mesh(mesh) => {
+                let part = mesh.near_box(self.boxes[num::index(rank)]);
+                Scene { data: part.into(), ..scene.clone() }
+            }
+            _ => scene.clone(),
+        }
+    }
+
     /// Returns the ranks in visibility order: along any ray of a view it meets their boxes in this order.
     #[must_use]
     pub fn order(&self, view: &View) -> Vec<u32> {
@@ -82,14 +112,64 @@ impl KdTree {
     }
 }
 
+fn indices([width, height, depth]: [u32; 3]) -> impl Iterator<Item = [u32; 3]> {
+    (0..depth).flat_map(move |z| (0..height).flat_map(move |y| (0..width).map(move |x| [x, y, z])))
+}
+
+/// The bricks of a grid that show anything, which rays do not skip.
+struct Bricks {
+    /// Samples of the overview along each side of a brick.
+    side: [u32; 3],
+    count: [u32; 3],
+    shown: Vec<bool>,
+}
+
+impl Bricks {
+    fn of(grid: &Grid, transfer: &TransferFunction) -> Self {
+        let overview = &*grid.overview();
+        let dims = overview.dims();
+        let side = [0, 1, 2].map(|axis| (BRICK * dims[axis]).div_ceil(grid.dims()[axis]));
+        let count = [0, 1, 2].map(|axis| dims[axis].div_ceil(side[axis]));
+        // The scalars of a brick, with those of the samples beyond, between which it ends.
+        let range = |brick: [u32; 3]| {
+            let corner = [0, 1, 2].map(|axis| brick[axis] * side[axis]);
+            let extent = [0, 1, 2].map(|axis| (side[axis] + 1).min(dims[axis] - corner[axis]));
+            indices(extent).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], index| {
+                let [x, y, z] = [0, 1, 2].map(|axis| corner[axis] + index[axis]);
+                let value = overview.value(x, y, z);
+                [low.min(value), high.max(value)]
+            })
+        };
+        let shows = |[low, high]: [f64; 2]| {
+            let within = transfer.knots().iter().filter(|knot| (low..=high).contains(&knot.s));
+            low <= high
+                && within
+                    .map(|knot| knot.tau)
+                    .chain([low, high].map(|s| transfer.at(s).1))
+                    .any(|tau| tau > 0.0)
+        };
+        Self { side, count, shown: indices(count).map(|brick| shows(range(brick))).collect() }
+    }
+
+    /// Returns whether a brick that shows anything holds a sample of the overview.
+    fn holds(&self, index: [u32; 3]) -> bool {
+        let [x, y, z] = [0, 1, 2].map(|axis| index[axis] / self.side[axis]);
+        let [width, height, _] = self.count;
+        self.shown[num::index((z * height + y) * width + x)]
+    }
+}
+
 impl Node {
     fn walk(&self, view: &View, order: &mut Vec<u32>) {
         match self {
             Self::Rank(rank) => order.push(*rank),
             Self::Plane(axis, at, sides) => {
                 // Rays run from the side of the eye, or all one way.
-                let upwards =
-                    if view.is_perspective() { view.camera().eye[*axis] < *at } else { view.forward()[*axis] > 0.0 };
+                let upwards = if view.is_perspective() {
+                    view.camera().eye[*axis] < *at
+                } else {
+                    view.forward()[*axis] > 0.0
+                };
                 let [near, far] = if upwards { [0, 1] } else { [1, 0] };
                 sides[near].walk(view, order);
                 sides[far].walk(view, order);
@@ -125,7 +205,16 @@ fn plane(items: &[Item], share: f64, [low, high]: [DVec3; 2]) -> (usize, f64) {
         // No work, or all at one place: any plane that cuts the box.
         let at = [low[axis], high[axis]].into_iter().filter(|side| side.is_finite()).sum::<f64>();
         let both = low[axis].is_finite() && high[axis].is_finite();
-        return (axis, if both { 0.5 * at } else if low[axis].is_finite() { at + 1.0 } else { at - 1.0 });
+        return (
+            axis,
+            if both {
+                0.5 * at
+            } else if low[axis].is_finite() {
+                at + 1.0
+            } else {
+                at - 1.0
+            },
+        );
     }
     let mut work = vec![0.0; PLACES];
     for (place, weight) in items {

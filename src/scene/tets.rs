@@ -171,6 +171,40 @@ impl Tets {
         Ok(self)
     }
 
+    /// Returns the cells that may meet a box, with the points that they use; the whole mesh where there are none of use.
+    pub(crate) fn near_box(&self, [low, high]: [DVec3; 2]) -> Self {
+        let points = &*self.points;
+        let reach = |cell: &[u32; 4]| {
+            let corners = cell.map(|i| points[num::index(i)]);
+            let ends = |pick: fn(DVec3, DVec3) -> DVec3| corners.into_iter().reduce(pick).unwrap_or_default();
+            [ends(DVec3::min), ends(DVec3::max)]
+        };
+        let meets = |cell: &[u32; 4]| {
+            let [from, to] = reach(cell);
+            (from.cmple(high) & to.cmpge(low)).all()
+        };
+        let kept: Vec<usize> = (0..self.cells.len()).filter(|&i| meets(&self.cells[i])).collect();
+        let mut places = vec![None; points.len()];
+        let mut used = Vec::new();
+        let mut place = |point: u32| {
+            *places[num::index(point)].get_or_insert_with(|| {
+                used.push(num::index(point));
+                num::count(used.len()) - 1
+            })
+        };
+        let cells = kept.iter().map(|&i| self.cells[i].map(&mut place)).collect();
+        let scalars = match &*self.scalars {
+            TetScalars::Point(values) => TetScalars::Point(used.iter().map(|&i| values[i]).collect()),
+            TetScalars::Cell(values) => TetScalars::Cell(kept.iter().map(|&i| values[i]).collect()),
+        };
+        let points = used.iter().map(|&i| points[i]).collect();
+        match Self::new(points, cells, scalars) {
+            // Positions are rounded as those of the whole, from whose middle the device counts them.
+            Ok((mesh, _)) => Self { bounds: self.bounds, ..mesh },
+            Err(_) => self.clone(),
+        }
+    }
+
     /// Returns the points, in world units.
     #[must_use]
     pub fn points(&self) -> &[DVec3] {

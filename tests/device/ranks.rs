@@ -8,7 +8,7 @@ use crate::common::*;
 use glam::DVec3;
 use volraster::gpu::GpuOptions;
 use volraster::measure::ImageErrors;
-use volraster::ranks::{KdTree, Threads, render};
+use volraster::ranks::{Communicator as _, KdTree, Threads, render};
 use volraster::scene::{
     Camera, Clip, Field, Lighting, Mode, Projection, Scene, Surface, TransferFunction, View,
 };
@@ -38,12 +38,17 @@ fn views() -> [View; 3] {
 
 /// Draws with ranks that are threads, and returns what each has.
 fn drawn(scene: &Arc<GpuScene>, spec: &str, view: &View, ranks: u32) -> Vec<Result<Option<Image>>> {
-    let tree = KdTree::new(scene.scene(), ranks).unwrap();
+    let tree = KdTree::new(scene.scene(), view, ranks).unwrap();
     assert_eq!(tree.boxes().len(), ranks as usize);
     std::thread::scope(|scope| {
         let rank = |end: Threads| {
             let (tree, technique) = (&tree, technique(spec));
-            scope.spawn(move || render(scene, technique, view, tree, &end))
+            // Of a mesh each rank has its own part.
+            let part = match scene.scene().mesh() {
+                Some(_) => GpuScene::new(scene.gpu(), tree.part(scene.scene(), end.rank())),
+                None => Arc::clone(scene),
+            };
+            scope.spawn(move || Ok(render(&part, technique, view, tree, &end)?.image))
         };
         let running: Vec<_> = Threads::new(ranks).into_iter().map(rank).collect();
         running.into_iter().map(|thread| thread.join().unwrap()).collect()
@@ -82,7 +87,8 @@ fn grids_are_those_of_one_process() {
     let plain = Scene::new(Field::Blobs.sample(dims, "f32").unwrap(), fog());
     let lit = plain.clone().with_mode(Mode::Lit(Lighting::default())).unwrap();
     let whole = gpu();
-    let paged = gpu_with(GpuOptions { page_pool: Some(3 * (67_u64.pow(3) * 4 + 4)), ..GpuOptions::default() });
+    let paged =
+        gpu_with(GpuOptions { page_pool: Some(3 * (67_u64.pow(3) * 4 + 4)), ..GpuOptions::default() });
     for (name, gpu) in [("whole", &*whole), ("paged", &*paged)] {
         let scene = GpuScene::new(gpu, plain.clone());
         for spec in taken(2, specs) {
@@ -138,7 +144,8 @@ fn boxes_move_with_a_plan() {
 fn what_no_box_owns_is_refused() {
     let gpu = gpu();
     let grid = scene(Field::Blobs, 16, "f32", &FOG);
-    let pane = Surface::new(vec![DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]], [0.1, 0.2, 0.3, 0.5]).unwrap();
+    let pane =
+        Surface::new(vec![DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]], [0.1, 0.2, 0.3, 0.5]).unwrap();
     let refused = |scene: &Scene, spec: &str| {
         let scene = GpuScene::new(&gpu, scene.clone());
         let all = drawn(&scene, spec, &views()[0], 2);
@@ -159,27 +166,28 @@ fn what_no_box_owns_is_refused() {
         }
     }
     let points = Scene::new(Field::Blobs.points(50).unwrap().with_estimated_radius(), fog());
-    assert!(KdTree::new(&points, 2).unwrap_err().to_string().contains("kernels"));
-    assert!(KdTree::new(&grid, 0).unwrap_err().to_string().contains("at least 1"));
+    assert!(KdTree::new(&points, &views()[0], 2).unwrap_err().to_string().contains("kernels"));
+    assert!(KdTree::new(&grid, &views()[0], 0).unwrap_err().to_string().contains("at least 1"));
 }
 
 /// Samples that boxes ask for are shared out about evenly, for four scenes and several numbers of ranks; and boxes fill space.
 #[test]
 fn work_is_shared_out_evenly() {
     let gpu = gpu();
-    let sharp = TransferFunction::from_rows(&[[0.7, 0.9, 0.4, 0.1, 0.0], [0.9, 1.0, 0.9, 0.2, 30.0]]).unwrap();
-    let grid = |field: Field, transfer| Scene::new(field.sample([96; 3], "f32").unwrap(), transfer);
+    let sharp =
+        TransferFunction::from_rows(&[[0.7, 0.9, 0.4, 0.1, 0.0], [0.9, 1.0, 0.9, 0.2, 30.0]]).unwrap();
+    let grid = |field: Field, transfer| Scene::new(field.sample([192; 3], "f32").unwrap(), transfer);
     let all = [
         grid(Field::Blobs, fog()),
-        grid(Field::Blobs, sharp),
-        grid(Field::MarschnerLobb, fog()),
-        grid(Field::Ramp, fog()),
+        grid(Field::Blobs, sharp.clone()),
+        grid(Field::MarschnerLobb, sharp.clone()),
+        grid(Field::Ramp, sharp),
     ];
     let [view, ..] = views();
     for scene in all {
         let on_device = GpuScene::new(&gpu, scene.clone());
-        for ranks in [2, 4, 7, 8] {
-            let tree = KdTree::new(&scene, ranks).unwrap();
+        for ranks in taken(1, [2, 4, 7, 8]) {
+            let tree = KdTree::new(&scene, &view, ranks).unwrap();
             let samples = |[low, high]: &[DVec3; 2]| {
                 let view = view.with_owned(*low, *high).unwrap();
                 let counts = Renderer::new(&on_device, technique("slabs:stop=0")).count(&view).unwrap();
@@ -187,7 +195,12 @@ fn work_is_shared_out_evenly() {
             };
             let work: Vec<u64> = tree.boxes().iter().map(samples).collect();
             let (most, sum) = (*work.iter().max().unwrap(), work.iter().sum::<u64>());
-            println!("{ranks} ranks: {work:?}, {:.2}", (most * u64::from(ranks)) as f64 / sum as f64);
+            println!("{ranks} ranks: {work:?}");
+            assert!(4 * most * u64::from(ranks) <= 5 * sum, "{ranks} ranks: {work:?}");
+            // Pieces are drawn once; only slabs at the sides of boxes are sampled by both, at their fronts.
+            let alone = Renderer::new(&on_device, technique("slabs:stop=0")).count(&view).unwrap();
+            let alone = alone.iter().find(|(key, _)| *key == "samples").map_or(0, |(_, n)| *n);
+            assert!(sum >= alone && 2 * sum <= 3 * alone, "{sum} samples, {alone} of one process");
         }
     }
 }

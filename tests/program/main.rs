@@ -23,6 +23,8 @@ mod films;
 mod gaussians;
 mod large;
 mod provoke;
+#[cfg(feature = "mpi")]
+mod ranks;
 mod reports;
 mod selftest;
 mod splat_program;

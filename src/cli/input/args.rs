@@ -159,6 +159,9 @@ pub(crate) struct ArraysArgs {
     /// them. The device's free memory, and 4 GiB beside it, unless given.
     #[arg(long, value_name = "BYTES", value_parser = |text: &str| GpuOptions::bytes(text).ok_or("must be a number of bytes, as 900MiB or 2GiB"))]
     pub(crate) memory: Option<u64>,
+    /// Whether grids stay in their files, whatever their size.
+    #[arg(skip)]
+    pub(crate) in_files: bool,
     #[command(flatten)]
     axes: AxesArgs,
 }
@@ -208,7 +211,7 @@ impl ArraysArgs {
             weight: self.weight.clone(),
             array: self.array.clone(),
             step: self.step,
-            on_demand: Some(self.memory.unwrap_or(4 << 30)),
+            on_demand: Some(if self.in_files { 0 } else { self.memory.unwrap_or(4 << 30) }),
             ..ReadOptions::default()
         })
     }

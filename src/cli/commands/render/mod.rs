@@ -4,6 +4,8 @@
 //! where they go; `present` presents them; `stats` reports what was measured, and `chosen` an automatic choice.
 
 mod chosen;
+#[cfg(feature = "mpi")]
+mod distributed;
 mod film;
 mod picture;
 mod present;
@@ -79,6 +81,11 @@ pub(crate) struct Args {
     present: Option<Target>,
     #[command(flatten)]
     device: DeviceArgs,
+    /// Draw with all processes that `mpirun` has started: each reads and draws a part of a grid, or draws a part of a mesh, and the first writes
+    /// the image.
+    #[cfg(feature = "mpi")]
+    #[arg(long)]
+    distributed: bool,
     /// Enable core and synchronization validation; any message makes the exit code 1.
     #[arg(long)]
     validate: bool,
@@ -87,6 +94,10 @@ pub(crate) struct Args {
 impl Args {
     /// Runs the command.
     pub(crate) fn run(&self, quiet: bool) -> Outcome {
+        #[cfg(feature = "mpi")]
+        if self.distributed {
+            return self.distribute(quiet);
+        }
         let files = volraster::io::in_order(self.scenes.clone());
         let sink = Sink::of(&self.output, self.fps)?;
         self.check(&files, sink.as_ref())?;

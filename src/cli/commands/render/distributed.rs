@@ -1,0 +1,178 @@
+//! `--distributed`: the processes of an MPI job draw one image together (`volraster::ranks`).
+
+use std::os::unix::process::CommandExt as _;
+use std::process::Command;
+use std::sync::Arc;
+use std::thread::available_parallelism;
+use std::time::Instant;
+
+use serde_json::{Value, json};
+use volraster::gpu::ValidationLog;
+use volraster::ranks::{Communicator, Counted, KdTree, Mpi, Rendered, agree, render};
+use volraster::scene::Scene;
+use volraster::{Error, Gpu, GpuScene, Result, Technique};
+
+use super::Args;
+use crate::cli::input::{Input, Settings};
+use crate::cli::memory::peak_rss_bytes;
+use crate::cli::outcome::{Outcome, check_validation};
+use crate::cli::output;
+use crate::cli::timing::{gpu_ms, milliseconds_since};
+
+/// The variable by which Mesa's software driver takes its number of threads.
+const THREADS: &str = "LP_NUM_THREADS";
+
+/// The variables by which Open MPI, MPICH and Slurm tell the number of processes on a machine.
+const LOCAL_SIZES: [&str; 3] = ["OMPI_COMM_WORLD_LOCAL_SIZE", "MPI_LOCALNRANKS", "SLURM_NTASKS_PER_NODE"];
+
+/// What a rank draws with.
+struct Prepared {
+    scene: Scene,
+    gpu: Gpu,
+    settings: Settings,
+    technique: Technique,
+    log: Arc<ValidationLog>,
+}
+
+impl Args {
+    /// Draws with all processes of the job. The first reports and writes; the others end in silence, whatever happens.
+    pub(super) fn distribute(&self, quiet: bool) -> Outcome {
+        share_processors()?;
+        let mpi = Mpi::join()?;
+        let is_first = mpi.rank() == 0;
+        let outcome = self.draw_together(mpi, quiet || !is_first);
+        if is_first { outcome } else { Ok(()) }
+    }
+
+    fn draw_together(&self, mpi: Mpi, quiet: bool) -> Outcome {
+        let local = mpi.local_rank();
+        let ranks = Counted::new(mpi);
+        let start = Instant::now();
+        let prepared = agree(&ranks, self.check_distributed().and_then(|()| self.prepare(local, quiet)))?;
+        let Prepared { scene, gpu, settings, technique, log } = prepared;
+        let tree = KdTree::new(&scene, &settings.view, ranks.size())?;
+        let device = gpu.report().name.clone();
+        let scene = GpuScene::new(&gpu, tree.part(&scene, ranks.rank()));
+        drop(gpu);
+        let prepare_ms = milliseconds_since(start);
+        let start = Instant::now();
+        let rendered = render(&scene, technique, &settings.view, &tree, &ranks)?;
+        let draw_ms = milliseconds_since(start) - rendered.composite_ms;
+        drop(scene);
+        let mut stats = of_rank(&ranks, &rendered, &device);
+        stats["setup_ms"] = json!(prepare_ms);
+        stats["draw_ms"] = json!(draw_ms);
+        let all = gather(&ranks, &stats)?;
+
+        let written = match &rendered.image {
+            Some(image) => self.write(image, &settings, technique, all, quiet),
+            None => Ok(()),
+        };
+        agree(&ranks, written)?;
+        check_validation(&log)
+    }
+
+    /// Checks what clap cannot, on every rank alike.
+    fn check_distributed(&self) -> Result<()> {
+        let given = [
+            ("--frames", self.frames.is_some()),
+            ("--orbit", self.orbit.is_some()),
+            ("--in-flight", self.in_flight > 1),
+            ("--overflow-map", self.overflow_map.is_some()),
+            ("--present", self.present.is_some()),
+            ("--max-error and --budget", self.choice.goal().is_some()),
+            ("several files", self.scenes.len() > 1),
+            ("numbered images and films", super::Sink::of(&self.output, self.fps)?.is_some()),
+        ];
+        if let Some((what, _)) = given.into_iter().find(|(_, given)| *given) {
+            let why = format!("draws one image of one file: {what} are for one process");
+            return Err(Error::Invalid { what: "--distributed".to_string(), why });
+        }
+        self.check(&self.scenes, None)
+    }
+
+    /// Opens file and device. The samples of a grid stay in the file, of which a rank then reads its part.
+    fn prepare(&self, local: u32, quiet: bool) -> Result<Prepared> {
+        let mut arrays = self.arrays.clone();
+        arrays.in_files = true;
+        let input = Input::load(&self.scenes[0], self.size, &arrays, quiet)?;
+        let Input { scene, settings } = self.look.apply(input)?;
+        let technique = settings.choose(self.choice.request()?, &scene)?;
+        let (gpu, log) = self.device.open_with(self.validate, |options| {
+            arrays.limit(options);
+            options.nth = local;
+        })?;
+        Ok(Prepared { scene, gpu, settings, technique, log })
+    }
+
+    fn write(
+        &self,
+        image: &volraster::Image,
+        settings: &Settings,
+        technique: Technique,
+        ranks: Vec<Value>,
+        quiet: bool,
+    ) -> Result<()> {
+        volraster::io::write_image(&self.output, image, settings.background)?;
+        let (name, count) = (technique.method().name(), ranks.len());
+        if let Some(path) = &self.stats {
+            let stats =
+                json!({"schema": 1, "technique": name, "image": settings.view.extent(), "ranks": ranks});
+            output::write_json(path, &stats)?;
+        }
+        if !quiet {
+            let [width, height] = settings.view.extent();
+            let path = self.output.display();
+            output::print(&format!("{name} on {count} ranks: {width} x {height}: {path}"))?;
+        }
+        Ok(())
+    }
+}
+
+/// Describes what this rank did.
+fn of_rank(ranks: &Counted<Mpi>, rendered: &Rendered, device: &str) -> Value {
+    let Rendered { frame, composite_ms, .. } = rendered;
+    let mut stats = json!({
+        "rank": ranks.rank(),
+        "device": device,
+        "wall_ms": frame.wall_ms,
+        "gpu_ms": gpu_ms(frame),
+        "composite_ms": composite_ms,
+        "bytes_sent": ranks.sent(),
+        "peak_rss_bytes": peak_rss_bytes(),
+    });
+    for (key, count) in &frame.counters {
+        stats[key] = json!(count);
+    }
+    stats
+}
+
+/// Collects what the ranks say on the first.
+fn gather(ranks: &Counted<Mpi>, stats: &Value) -> Result<Vec<Value>> {
+    let from = |rank| (rank, Vec::new());
+    if ranks.rank() > 0 {
+        ranks.exchange(&[(0, stats.to_string().into_bytes())])?;
+        return Ok(Vec::new());
+    }
+    let others = ranks.exchange(&(1..ranks.size()).map(from).collect::<Vec<_>>())?;
+    let parsed = others.iter().map(|bytes| serde_json::from_slice(bytes).unwrap_or_default());
+    Ok(std::iter::once(stats.clone()).chain(parsed).collect())
+}
+
+/// Gives a software driver this process's share of the processors, by starting the program anew where the variable is not set: the driver reads it
+/// when it is loaded.
+fn share_processors() -> Result<()> {
+    let local = LOCAL_SIZES.iter().find_map(|name| std::env::var(name).ok()?.parse::<usize>().ok());
+    let (Some(local), None) = (local.filter(|&local| local > 1), std::env::var_os(THREADS)) else {
+        return Ok(());
+    };
+    let threads = (available_parallelism().map_or(1, usize::from) / local).max(1);
+    let program = std::env::current_exe().map_err(|source| io("this program", source))?;
+    let error =
+        Command::new(&program).args(std::env::args_os().skip(1)).env(THREADS, threads.to_string()).exec();
+    Err(io(&program.display().to_string(), error))
+}
+
+fn io(path: &str, source: std::io::Error) -> Error {
+    Error::Io { path: path.into(), action: "cannot start", source }
+}
