@@ -77,7 +77,7 @@ fn grids_are_those_of_one_process() {
         "slices-3d:step=0.7",
         "slices-3d:step=2,empty-space=march",
         "slabs",
-        "slabs:step=2,integrator=exact,filter=exact",
+        "slabs:step=2,integrator=exact",
         "raycast:step=1.3",
         "raycast:step=2,integrator=integral",
         "slices-2d:step=0.5",
@@ -92,9 +92,11 @@ fn grids_are_those_of_one_process() {
     for (name, gpu) in [("whole", &*whole), ("paged", &*paged)] {
         let scene = GpuScene::new(gpu, plain.clone());
         for spec in taken(2, specs) {
-            is_same(&scene, spec, name);
+            // The coordinates of filters are rounded otherwise where a page lies in another slot.
+            let exact = with_option(spec, "filter", "exact");
+            is_same(&scene, if name == "paged" { &exact } else { spec }, name);
         }
-        is_same(&GpuScene::new(gpu, lit.clone()), "slabs", &format!("{name}, lit"));
+        is_same(&GpuScene::new(gpu, lit.clone()), "slabs:filter=exact", &format!("{name}, lit"));
     }
 }
 

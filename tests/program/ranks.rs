@@ -31,7 +31,7 @@ fn run(folder: &Folder, ranks: u32, line: &str) -> Run {
     )
 }
 
-/// A raw file of 8-bit samples, and scenes of it and of a mesh.
+/// A raw file of 8-bit samples, and scenes of it, with a camera, because one is chosen by an overview of what stays in its file, and of a mesh.
 fn folder() -> Folder {
     let folder = Folder::new();
     let side = 150_usize;
@@ -44,9 +44,11 @@ fn folder() -> Folder {
         .collect();
     folder.write("waves.raw", samples);
     let rest = r#""transfer": [[0, 0.1, 0.2, 0.9, 0], [90, 0.9, 0.5, 0.1, 0.01], [255, 1, 0.9, 0.6, 0.1]], "image": {"width": 90, "height": 70}"#;
+    let camera =
+        r#""camera": {"eye": [330, 260, 420], "target": [75, 75, 75], "up": [0, 1, 0], "fov_y_deg": 30}"#;
     folder.write(
         "grid.json",
-        format!(r#"{{"volume": {{"file": "waves.raw", "dims": [150, 150, 150], "type": "u8"}}, {rest}}}"#),
+        format!(r#"{{"volume": {{"file": "waves.raw", "dims": [150, 150, 150], "type": "u8"}}, {camera}, {rest}}}"#),
     );
     let fog = r#""transfer": {"preset": "fog", "range": [0, 1]}, "image": {"width": 90, "height": 70}"#;
     folder.write("mesh.json", format!(r#"{{"mesh": {{"field": "blobs", "cubes": 9}}, {fog}}}"#));
