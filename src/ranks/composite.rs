@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::num;
 use crate::ranks::communicator::Communicator;
+use crate::ranks::tiles::{Rectangle, Tiles};
 
 /// Composites the images of all ranks, front to back in this order of ranks, and returns the whole on rank 0.
 ///
@@ -67,6 +68,36 @@ pub fn composite(image: &Image, order: &[u32], ranks: &dyn Communicator) -> Resu
         piece.ok_or_else(|| differs(*rank))?;
     }
     Ok(Some(Image::new(image.width(), image.height(), whole)?.with_colours(image.colours())))
+}
+
+/// Joins the rectangles that ranks have drawn, on rank 0.
+pub(super) fn joined(
+    image: &Image,
+    tiles: &Tiles,
+    [width, height]: [u32; 2],
+    ranks: &dyn Communicator,
+) -> Result<Option<Image>> {
+    if ranks.rank() > 0 {
+        ranks.exchange(&[(0, encoded(image.pixels()))])?;
+        return Ok(None);
+    }
+    let from: Vec<_> = (1..ranks.size()).map(|rank| (rank, Vec::new())).collect();
+    let received = ranks.exchange(&from)?;
+    let mut whole = vec![[0.0; 4]; num::index(width) * num::index(height)];
+    for rank in 0..ranks.size() {
+        let Rectangle { corner, extent } = tiles.of(rank);
+        let [columns, rows] = extent.map(num::index);
+        let piece = match num::index(rank).checked_sub(1) {
+            None => Some(image.pixels().to_vec()),
+            Some(place) => decoded(&received[place], columns * rows),
+        };
+        let piece = piece.filter(|piece| piece.len() == columns * rows).ok_or_else(|| differs(rank))?;
+        for (y, row) in piece.chunks_exact(columns).enumerate() {
+            let first = (num::index(corner[1]) + y) * num::index(width) + num::index(corner[0]);
+            whole[first..first + columns].copy_from_slice(row);
+        }
+    }
+    Ok(Some(Image::new(width, height, whole)?.with_colours(image.colours())))
 }
 
 fn differs(rank: u32) -> Error {
@@ -175,8 +206,7 @@ mod tests {
     #[test]
     fn any_number_of_ranks_in_any_order() {
         for size in 1..=12_u32 {
-            let mut order: Vec<u32> = (0..size).map(|i| (i * 5 + 3) % size).collect();
-            order.sort_unstable();
+            let mut order: Vec<u32> = (0..size).rev().collect();
             order.rotate_left(num::index(size / 2));
             if size > 2 {
                 order.swap(0, 2);

@@ -1,7 +1,8 @@
 //! Several processes that draw one image: each draws what its box of space owns, and the images are composited in visibility order.
 //!
-//! 1. [`KdTree`] cuts space into a box per rank, of about the same visible work each. Every rank builds the same one from the scene.
-//! 2. A rank draws the view that [`View::with_owned`] gives its box. Of a mesh it needs [`KdTree::part`]. Of a grid whose samples are read on demand it reads the pages that the box
+//! 1. [`KdTree`] cuts space into a box per rank, of about the same visible work each. Every rank builds the same one from the scene. Kernels of
+//!    points overlap: of them each rank draws a rectangle of the image in place of a box ([`Shares`]).
+//! 2. A rank draws the view that [`View::with_owned`] gives its box. Of a mesh it needs the cells there alone ([`Shares::part`]). Of a grid whose samples are read on demand it reads the pages that the box
 //!    meets and no others; so a rank may also hold a part of the data alone, behind a source of its own
 //!    ([`SampleSource`](crate::scene::SampleSource)).
 //! 3. [`composite`] exchanges pieces of the images, of active pixels only, in rounds of ranks that are neighbours in visibility order (radix-k), and
@@ -16,12 +17,14 @@ mod communicator;
 mod composite;
 #[cfg(feature = "mpi")]
 mod mpi;
+mod tiles;
 mod tree;
 
 pub use communicator::{Communicator, Counted, Threads, agree};
 pub use composite::composite;
 #[cfg(feature = "mpi")]
 pub use mpi::Mpi;
+pub use tiles::Tiles;
 pub use tree::KdTree;
 
 use std::sync::Arc;
@@ -30,8 +33,10 @@ use std::time::Instant;
 use crate::error::Result;
 use crate::image::Image;
 use crate::num;
+use crate::ranks::composite::joined;
+use crate::ranks::tiles::Rectangle;
 use crate::resident::GpuScene;
-use crate::scene::View;
+use crate::scene::{Data, Scene, View};
 use crate::technique::{FrameTime, Renderer, Technique};
 
 /// A rank's part of drawing an image.
@@ -45,7 +50,63 @@ pub struct Rendered {
     pub composite_ms: f64,
 }
 
-/// Draws a view with all ranks of a communicator, each of which has the same arguments but for the contents of sources of samples.
+/// How ranks share the work of a view.
+#[derive(Clone, Debug)]
+pub enum Shares {
+    /// Each draws what a box of space owns, of this view and of others.
+    Space(KdTree),
+    /// Each draws a rectangle of the image of this view: kernels overlap, so that no boxes own them.
+    Image(Tiles),
+}
+
+impl Shares {
+    /// Cuts space, or the image, into shares of about the same work, one per rank. Equal arguments give equal shares.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Invalid`](crate::Error::Invalid) for no ranks, and for more than the image has pixels.
+    pub fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
+        match &scene.data {
+            Data::Grid(_) | Data::Mesh(_) if scene.kernels.is_none() => {
+                KdTree::new(scene, view, ranks).map(Self::Space)
+            }
+            _ => Tiles::new(scene, view, ranks).map(Self::Image),
+        }
+    }
+
+    /// Returns what a rank needs of a scene: of a mesh the cells that meet its box, of points those whose kernels may reach its rectangle, else
+    /// the whole.
+    #[must_use]
+    pub fn part(&self, scene: &Scene, view: &View, rank: u32) -> Scene {
+        match (self, &scene.data) {
+            (Self::Space(tree), Data::Mesh(mesh)) => {
+                let part = mesh.near_box(tree.boxes()[num::index(rank)]);
+                Scene { data: part.into(), ..scene.clone() }
+            }
+            (Self::Image(tiles), Data::Points(points)) => {
+                Scene { data: tiles.part(points, view, rank).into(), ..scene.clone() }
+            }
+            _ => scene.clone(),
+        }
+    }
+
+    /// Returns the view that a rank draws.
+    fn view(&self, view: &View, rank: u32) -> Result<View> {
+        match self {
+            Self::Space(tree) => {
+                let [low, high] = tree.boxes()[num::index(rank)];
+                view.with_owned(low, high)
+            }
+            Self::Image(tiles) => {
+                let Rectangle { corner, extent } = tiles.of(rank);
+                view.part(corner.map(u32::cast_signed), extent)
+            }
+        }
+    }
+}
+
+/// Draws a view with all ranks of a communicator, each of which has equal arguments but for what [`Shares::part`] leaves out of the scene and
+/// for what sources of samples hold.
 ///
 /// # Errors
 ///
@@ -54,12 +115,11 @@ pub fn render(
     scene: &Arc<GpuScene>,
     technique: Technique,
     view: &View,
-    tree: &KdTree,
+    shares: &Shares,
     ranks: &dyn Communicator,
 ) -> Result<Rendered> {
     let draw = || {
-        let [low, high] = tree.boxes()[num::index(ranks.rank())];
-        let view = view.with_owned(low, high)?;
+        let view = shares.view(view, ranks.rank())?;
         let mut frames = Renderer::new(scene, technique).frames(&view)?;
         let frame = frames.draw(&view)?;
         Ok((frame, frames.read_back()?))
@@ -67,6 +127,9 @@ pub fn render(
     let drawn = draw();
     let begin = Instant::now();
     let (frame, image) = agree(ranks, drawn)?;
-    let image = composite(&image, &tree.order(view), ranks)?;
+    let image = match shares {
+        Shares::Space(tree) => composite(&image, &tree.order(view), ranks)?,
+        Shares::Image(tiles) => joined(&image, tiles, view.extent(), ranks)?,
+    };
     Ok(Rendered { image, frame, composite_ms: begin.elapsed().as_secs_f64() * 1e3 })
 }

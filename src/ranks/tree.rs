@@ -91,18 +91,6 @@ impl KdTree {
         &self.boxes
     }
 
-    /// Returns what a rank needs of a scene: of a mesh the cells that meet its box, else the whole.
-    #[must_use]
-    pub fn part(&self, scene: &Scene, rank: u32) -> Scene {
-        match &scene.data {
-            Data::Mesh(mesh) => {
-                let part = mesh.near_box(self.boxes[num::index(rank)]);
-                Scene { data: part.into(), ..scene.clone() }
-            }
-            _ => scene.clone(),
-        }
-    }
-
     /// Returns the ranks in visibility order: along any ray of a view it meets their boxes in this order.
     #[must_use]
     pub fn order(&self, view: &View) -> Vec<u32> {

@@ -234,19 +234,48 @@ impl Points {
         self.reach_of(|_| true).unwrap_or(self.bounds)
     }
 
-    /// Returns the bounds of the kernels of those visible points that are wanted, or `None` without any.
-    pub(crate) fn reach_of(&self, wanted: impl Fn(usize) -> bool) -> Option<[DVec3; 2]> {
+    /// How far a kernel reaches from its centre along each axis.
+    fn extent(&self, i: usize) -> DVec3 {
         let deviations = |c: &[f32; 6]| DVec3::new(c[0].into(), c[3].into(), c[5].into()).map(f64::sqrt);
-        let reach = |i: usize| match self.size() {
+        match self.size() {
             KernelSize::Unknown => DVec3::ZERO,
             KernelSize::Radius(radius) => DVec3::splat(*radius),
             KernelSize::Radii(radii) => DVec3::splat(radii[i].into()),
             KernelSize::Covariances(all) => 3.0 * deviations(&all[i]),
+        }
+    }
+
+    /// Returns the points that are kept by their centres, and by how far their kernels reach along each axis; the first alone where none is.
+    pub(crate) fn within(&self, keeps: impl Fn(DVec3, DVec3) -> bool) -> Self {
+        let all = 0..self.centres.len();
+        let mut kept: Vec<usize> = all.filter(|&i| keeps(self.centres[i], self.extent(i))).collect();
+        if kept.is_empty() {
+            kept.push(0);
+        }
+        fn of<T: Copy>(values: &[T], kept: &[usize]) -> Vec<T> {
+            kept.iter().map(|&i| values[i]).collect()
+        }
+        let size = match &*self.size {
+            KernelSize::Radii(radii) => KernelSize::Radii(of(radii, &kept)),
+            KernelSize::Covariances(all) => KernelSize::Covariances(of(all, &kept)),
+            size => size.clone(),
         };
+        Self {
+            centres: Arc::new(of(&self.centres, &kept)),
+            scalars: self.scalars.as_ref().map(|scalars| Arc::new(of(scalars, &kept))),
+            weights: self.weights.as_ref().map(|weights| Arc::new(of(weights, &kept))),
+            size: Arc::new(size),
+            // Positions are rounded as those of the whole, from whose middle the device counts them.
+            ..self.clone()
+        }
+    }
+
+    /// Returns the bounds of the kernels of those visible points that are wanted, or `None` without any.
+    pub(crate) fn reach_of(&self, wanted: impl Fn(usize) -> bool) -> Option<[DVec3; 2]> {
         let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let shown = (0..self.centres.len()).filter(|&i| self.shows(i) && wanted(i));
         let [low, high] = shown.fold(none, |[low, high], i| {
-            let (centre, reach) = (self.centres[i], reach(i));
+            let (centre, reach) = (self.centres[i], self.extent(i));
             [low.min(centre - reach), high.max(centre + reach)]
         });
         (low.x <= high.x).then_some([low, high])

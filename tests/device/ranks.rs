@@ -8,9 +8,9 @@ use crate::common::*;
 use glam::DVec3;
 use volraster::gpu::GpuOptions;
 use volraster::measure::ImageErrors;
-use volraster::ranks::{Communicator as _, KdTree, Threads, render};
+use volraster::ranks::{Communicator as _, KdTree, Shares, Threads, render};
 use volraster::scene::{
-    Camera, Clip, Field, Lighting, Mode, Projection, Scene, Surface, TransferFunction, View,
+    Camera, Clip, Data, Field, KernelSize, Lighting, Mode, Projection, Scene, Surface, TransferFunction, View,
 };
 use volraster::technique::Renderer;
 use volraster::{GpuScene, Image, Result};
@@ -38,17 +38,16 @@ fn views() -> [View; 3] {
 
 /// Draws with ranks that are threads, and returns what each has.
 fn drawn(scene: &Arc<GpuScene>, spec: &str, view: &View, ranks: u32) -> Vec<Result<Option<Image>>> {
-    let tree = KdTree::new(scene.scene(), view, ranks).unwrap();
-    assert_eq!(tree.boxes().len(), ranks as usize);
+    let shares = Shares::new(scene.scene(), view, ranks).unwrap();
     std::thread::scope(|scope| {
         let rank = |end: Threads| {
-            let (tree, technique) = (&tree, technique(spec));
-            // Of a mesh each rank has its own part.
-            let part = match scene.scene().mesh() {
-                Some(_) => GpuScene::new(scene.gpu(), tree.part(scene.scene(), end.rank())),
-                None => Arc::clone(scene),
+            let (shares, technique) = (&shares, technique(spec));
+            // Of meshes and points each rank has its own part.
+            let part = match scene.scene().grid() {
+                None => GpuScene::new(scene.gpu(), shares.part(scene.scene(), view, end.rank())),
+                Some(_) => Arc::clone(scene),
             };
-            scope.spawn(move || Ok(render(&part, technique, view, tree, &end)?.image))
+            scope.spawn(move || Ok(render(&part, technique, view, shares, &end)?.image))
         };
         let running: Vec<_> = Threads::new(ranks).into_iter().map(rank).collect();
         running.into_iter().map(|thread| thread.join().unwrap()).collect()
@@ -65,7 +64,7 @@ fn is_same(scene: &Arc<GpuScene>, spec: &str, what: &str) {
             let errors = ImageErrors::between(&got, &want).unwrap().all;
             println!("{what} {spec}, {ranks} ranks: {:.1e}, at most {:.1e}", errors.rmse, errors.max_abs);
             assert!(errors.max_abs <= 2e-6, "{what} {spec}, {ranks} ranks: {errors:?}");
-            assert!(want.pixels().iter().any(|pixel| (0.2..0.9).contains(&pixel[3])));
+            assert!(want.pixels().iter().any(|pixel| (0.2..0.9999).contains(&pixel[3])));
         }
     }
 }
@@ -107,6 +106,37 @@ fn meshes_are_those_of_one_process() {
     let scene = GpuScene::new(&gpu, Scene::new(Field::Blobs.tets(9).unwrap(), fog()));
     for spec in ["havs:integrator=exact", "abuffer:integrator=exact", "projected-tets:integrator=exact"] {
         is_same(&scene, spec, "mesh");
+    }
+}
+
+/// Of points each rank draws a rectangle of the image, and has the points alone whose kernels reach it.
+#[test]
+fn points_are_those_of_one_process() {
+    let gpu = gpu();
+    let points = Field::Blobs.points(2000).unwrap();
+    let alike = Scene::new(points.clone().with_estimated_radius(), fog());
+    let radii = (0..2000_u16).map(|i| 0.02 + f32::from(i % 97) * 1e-3).collect();
+    let several = Scene::new(points.with_size(KernelSize::Radii(radii)).unwrap(), fog());
+    let trained = Scene::new(Field::Blobs.splats(300).unwrap(), fog());
+    for (scene, specs) in [
+        (alike, "splat-ewa splat-ewa:footprint=ewa,order=center splat-sheets"),
+        (several, "splat-ewa splat-ewa:footprint=ewa"),
+        (trained, "gaussians"),
+    ] {
+        let scene = GpuScene::new(&gpu, scene);
+        for spec in specs.split(' ') {
+            is_same(&scene, spec, "points");
+        }
+        let view = &views()[0];
+        let shares = Shares::new(scene.scene(), view, 8).unwrap();
+        if let Data::Points(all) = &scene.scene().data {
+            let count = |rank| match shares.part(scene.scene(), view, rank).data {
+                Data::Points(part) => part.centres().len(),
+                _ => 0,
+            };
+            let counts: Vec<usize> = (0..8).map(count).collect();
+            assert!(counts.iter().all(|&count| 2 * count < all.centres().len()), "{counts:?}");
+        }
     }
 }
 

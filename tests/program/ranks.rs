@@ -60,7 +60,9 @@ fn folder() -> Folder {
 #[test]
 fn processes_draw_the_image_of_one() {
     let folder = folder();
-    for (scene, technique) in [("grid", "slabs:filter=exact"), ("mesh", "havs:integrator=exact")] {
+    for (scene, technique) in
+        [("grid", "slabs:filter=exact"), ("mesh", "havs:integrator=exact"), ("points", "splat-ewa")]
+    {
         folder.run(&format!("render {scene}.json --technique {technique} -o one.exr")).done();
         let want = folder.exr("one.exr");
         for ranks in taken(4, [2, 1, 4, 8]) {
@@ -100,7 +102,6 @@ fn processes_draw_the_image_of_one() {
 fn failures_end_all_processes_with_one_line() {
     let folder = folder();
     for (line, code, why) in [
-        ("render points.json", 2, "kernels"),
         ("render nothing.json", 2, "nothing.json"),
         ("render grid.json --technique shear-warp", 2, "slices-2d"),
         ("render grid.json --frames 3", 2, "--frames"),

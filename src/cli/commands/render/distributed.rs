@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 use volraster::gpu::ValidationLog;
-use volraster::ranks::{Communicator, Counted, KdTree, Mpi, Rendered, agree, render};
+use volraster::ranks::{Communicator, Counted, Mpi, Rendered, Shares, agree, render};
 use volraster::scene::Scene;
 use volraster::{Error, Gpu, GpuScene, Result, Technique};
 
@@ -50,13 +50,13 @@ impl Args {
         let start = Instant::now();
         let prepared = agree(&ranks, self.check_distributed().and_then(|()| self.prepare(local, quiet)))?;
         let Prepared { scene, gpu, settings, technique, log } = prepared;
-        let tree = KdTree::new(&scene, &settings.view, ranks.size())?;
+        let shares = Shares::new(&scene, &settings.view, ranks.size())?;
         let device = gpu.report().name.clone();
-        let scene = GpuScene::new(&gpu, tree.part(&scene, ranks.rank()));
+        let scene = GpuScene::new(&gpu, shares.part(&scene, &settings.view, ranks.rank()));
         drop(gpu);
         let prepare_ms = milliseconds_since(start);
         let start = Instant::now();
-        let rendered = render(&scene, technique, &settings.view, &tree, &ranks)?;
+        let rendered = render(&scene, technique, &settings.view, &shares, &ranks)?;
         let draw_ms = milliseconds_since(start) - rendered.composite_ms;
         drop(scene);
         let mut stats = of_rank(&ranks, &rendered, &device);

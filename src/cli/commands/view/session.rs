@@ -194,7 +194,9 @@ impl Session {
             self.plans[level] = Some((self.setup, frames));
         }
         let Some((_, frames)) = &mut self.plans[level] else { return Ok(()) };
-        if frames.draw_part(&view)?.is_none() {
+        if level > 0 {
+            frames.draw(&view)?;
+        } else if frames.draw_part(&view)?.is_none() {
             return Ok(());
         }
         (self.level, self.shown) = (Some(level), Some(level));

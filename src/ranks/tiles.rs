@@ -1,0 +1,150 @@
+//! The rectangles that the image is cut into where kernels overlap, so that no boxes of space own them.
+
+use glam::DVec2;
+
+use crate::error::{Error, Result};
+use crate::num;
+use crate::scene::{Data, Points, Scene, View};
+
+/// Pixels beyond a rectangle from which kernels still reach it: of filters for those that are smaller than a pixel.
+const MARGIN: f64 = 4.0;
+
+/// The depth, in radii of a kernel, up to which it may reach anywhere.
+const NEAR: f64 = 8.0;
+
+/// By how much an affine footprint may be wider than a kernel that is farther away: 1 / (1 - 1 / NEAR), and some.
+const WIDER: f64 = 1.25;
+
+/// Rectangles of an image with about the same number of kernels, one per rank.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tiles {
+    rectangles: Vec<Rectangle>,
+}
+
+/// A rectangle of pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Rectangle {
+    pub(super) corner: [u32; 2],
+    pub(super) extent: [u32; 2],
+}
+
+impl Tiles {
+    /// Cuts the image of a view for so many ranks.
+    pub(super) fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
+        let extent = view.extent();
+        let [width, height] = extent.map(f64::from);
+        let seen = |(at, _): (DVec2, f64)| {
+            ((0.0..=width).contains(&at.x) && (0.0..=height).contains(&at.y)).then_some(at)
+        };
+        let mut places: Vec<DVec2> = match &scene.data {
+            Data::Points(points) => {
+                points.centres().iter().filter_map(|place| view.project(*place).and_then(seen)).collect()
+            }
+            Data::Gaussians(splats) => {
+                (0..splats.len()).filter_map(|i| view.project(splats.centre(i)).and_then(seen)).collect()
+            }
+            _ => Vec::new(),
+        };
+        let mut rectangles = Vec::new();
+        cut(&mut places, Rectangle { corner: [0; 2], extent }, ranks, &mut rectangles)?;
+        Ok(Self { rectangles })
+    }
+
+    pub(super) fn of(&self, rank: u32) -> Rectangle {
+        self.rectangles[num::index(rank)]
+    }
+
+    /// Returns the points whose kernels may reach a rank's rectangle.
+    pub(super) fn part(&self, points: &Points, view: &View, rank: u32) -> Points {
+        let Rectangle { corner, extent } = self.of(rank);
+        let low = DVec2::from_array(corner.map(f64::from)) - MARGIN;
+        let high = DVec2::from_array([0, 1].map(|i| f64::from(corner[i] + extent[i]))) + MARGIN;
+        let corners = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
+        // Planes through the rectangle's sides, whose normals point inwards.
+        let middle = view.ray(0.5 * (low + high));
+        let inside = middle.0 + middle.1;
+        let sides = [0, 1, 2, 3].map(|i| {
+            let [(start, direction), (end, other)] =
+                [corners[i], corners[(i + 1) % 4]].map(|at| view.ray(at));
+            let across = if view.is_perspective() { other } else { end - start };
+            let normal = direction.cross(across).normalize_or_zero();
+            let towards = normal.dot(inside - start);
+            (start, if towards < 0.0 { -normal } else { normal })
+        });
+        let eye = view.is_perspective().then(|| view.camera().eye);
+        points.within(|centre, reach| {
+            // Affine footprints leave the kernel's own outline the more, the nearer to the eye it is.
+            eye.is_some_and(|eye| (centre - eye).dot(view.forward()).abs() < NEAR * reach.max_element())
+                || sides
+                    .iter()
+                    .all(|(on, normal)| (centre - *on).dot(*normal) >= -WIDER * reach.dot(normal.abs()))
+        })
+    }
+}
+
+/// Cuts a rectangle, in which kernels have these places, for so many ranks.
+fn cut(places: &mut [DVec2], all: Rectangle, ranks: u32, rectangles: &mut Vec<Rectangle>) -> Result<()> {
+    if ranks == 1 {
+        rectangles.push(all);
+        return Ok(());
+    }
+    let axis = usize::from(all.extent[1] > all.extent[0]);
+    let [side, other] = [all.extent[axis], all.extent[1 - axis]];
+    let below = ranks / 2;
+    // Each of the ranks needs a pixel, and whole columns or rows are cut off.
+    let least = |ranks: u32| ranks.div_ceil(other);
+    if side < least(below) + least(ranks - below) {
+        let why = format!("{ranks} for {} x {} pixels: too few to share out", all.extent[0], all.extent[1]);
+        return Err(Error::invalid("ranks", why));
+    }
+    let share = num::f64_of(places.len()) * f64::from(below) / f64::from(ranks);
+    let middle = num::index(num::u32_of(share)).min(places.len().saturating_sub(1));
+    let at = if places.is_empty() {
+        f64::from(all.corner[axis]) + f64::from(side) * f64::from(below) / f64::from(ranks)
+    } else {
+        places.select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis])).1[axis]
+    };
+    let width = num::u32_of((at - f64::from(all.corner[axis])).round().max(0.0))
+        .clamp(least(below), side - least(ranks - below));
+    let at = f64::from(all.corner[axis] + width);
+    places.sort_unstable_by(|a, b| a[axis].total_cmp(&b[axis]));
+    let (first, second) = places.split_at_mut(places.partition_point(|place| place[axis] < at));
+    let [mut near, mut far] = [all; 2];
+    near.extent[axis] = width;
+    (far.corner[axis], far.extent[axis]) = (all.corner[axis] + width, side - width);
+    cut(first, near, below, rectangles)?;
+    cut(second, far, ranks - below, rectangles)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rectangles cover the image once, whatever lies in it.
+    #[test]
+    fn rectangles_fill_the_image() {
+        for (extent, ranks, places) in
+            [([90, 70], 7, 0), ([90, 70], 8, 300), ([5, 1], 5, 20), ([1, 9], 4, 3), ([4, 4], 9, 50)]
+        {
+            let mut places: Vec<DVec2> = (0..places)
+                .map(|i| DVec2::new(f64::from(i * i % 97) / 97.0, f64::from(i % 13) / 40.0))
+                .map(|place| place * DVec2::from_array(extent.map(f64::from)))
+                .collect();
+            let mut rectangles = Vec::new();
+            cut(&mut places, Rectangle { corner: [0; 2], extent }, ranks, &mut rectangles).unwrap();
+            assert_eq!(rectangles.len(), num::index(ranks));
+            let mut covered = vec![0; num::index(extent[0] * extent[1])];
+            for Rectangle { corner, extent: [width, height] } in rectangles {
+                assert!(width > 0 && height > 0);
+                for y in corner[1]..corner[1] + height {
+                    for x in corner[0]..corner[0] + width {
+                        covered[num::index(y * extent[0] + x)] += 1;
+                    }
+                }
+            }
+            assert!(covered.iter().all(|&count| count == 1), "{extent:?} for {ranks}");
+        }
+        let one = Rectangle { corner: [0; 2], extent: [2, 1] };
+        assert!(cut(&mut [], one, 3, &mut Vec::new()).unwrap_err().to_string().contains("3 for 2 x 1"));
+    }
+}
