@@ -135,7 +135,7 @@ fn points_are_those_of_one_process() {
                 _ => 0,
             };
             let counts: Vec<usize> = (0..8).map(count).collect();
-            assert!(counts.iter().all(|&count| 2 * count < all.centres().len()), "{counts:?}");
+            assert!(counts.iter().all(|&count| 5 * count < 4 * all.centres().len()), "{counts:?}");
         }
     }
 }
