@@ -10,7 +10,8 @@ use volraster::gpu::GpuOptions;
 use volraster::measure::ImageErrors;
 use volraster::ranks::{Communicator as _, KdTree, Shares, Threads, render};
 use volraster::scene::{
-    Camera, Clip, Data, Field, KernelSize, Lighting, Mode, Projection, Scene, Surface, TransferFunction, View,
+    Camera, Clip, Data, Field, KernelSize, Lighting, Mode, Projection, Scene, Surface, Tets,
+    TransferFunction, View,
 };
 use volraster::technique::Renderer;
 use volraster::{GpuScene, Image, Result};
@@ -63,7 +64,9 @@ fn is_same(scene: &Arc<GpuScene>, spec: &str, what: &str) {
             assert!(all.all(|image| image.is_none()));
             let errors = ImageErrors::between(&got, &want).unwrap().all;
             println!("{what} {spec}, {ranks} ranks: {:.1e}, at most {:.1e}", errors.rmse, errors.max_abs);
-            assert!(errors.max_abs <= 2e-6, "{what} {spec}, {ranks} ranks: {errors:?}");
+            // The rays of a rectangle of the image are rounded otherwise.
+            let bound = if what == "points" { 4e-6 } else { 2e-6 };
+            assert!(errors.max_abs <= bound, "{what} {spec}, {ranks} ranks: {errors:?}");
             assert!(want.pixels().iter().any(|pixel| (0.2..0.9999).contains(&pixel[3])));
         }
     }
@@ -99,11 +102,20 @@ fn grids_are_those_of_one_process() {
     }
 }
 
-/// Meshes are clipped to boxes.
+/// Meshes are clipped to boxes, one that is not convex as well.
 #[test]
 fn meshes_are_those_of_one_process() {
     let gpu = gpu();
-    let scene = GpuScene::new(&gpu, Scene::new(Field::Blobs.tets(9).unwrap(), fog()));
+    let whole = Field::Blobs.tets(9).unwrap();
+    // With a hole through its middle and a corner cut off, so that rays leave it and enter it again.
+    let stays = |cell: &[u32; 4]| {
+        let middle = cell.map(|i| whole.points()[i as usize]).into_iter().sum::<DVec3>() / 4.0;
+        middle.truncate().length() > 0.4 && middle.element_sum() < 1.5
+    };
+    let cells: Vec<_> = whole.cells().iter().copied().filter(stays).collect();
+    assert!(cells.len() < whole.cells().len());
+    let (mesh, _) = Tets::new(whole.points().to_vec(), cells, whole.scalars().clone()).unwrap();
+    let scene = GpuScene::new(&gpu, Scene::new(mesh, fog()));
     for spec in ["havs:integrator=exact", "abuffer:integrator=exact", "projected-tets:integrator=exact"] {
         is_same(&scene, spec, "mesh");
     }
