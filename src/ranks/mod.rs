@@ -30,13 +30,13 @@ pub use tree::KdTree;
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::num;
 use crate::ranks::composite::joined;
 use crate::ranks::tiles::Rectangle;
 use crate::resident::GpuScene;
-use crate::scene::{Data, Scene, View};
+use crate::scene::{Data, Scene, SplatRule, View};
 use crate::technique::{FrameTime, Renderer, Technique};
 
 /// A rank's part of drawing an image.
@@ -64,8 +64,16 @@ impl Shares {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`](crate::Error::Invalid) for no ranks, and for more than the image has pixels.
+    /// [`Error::Invalid`] for no ranks, for more than the image has pixels, and for trained splats by a rule that depends on the image's edges.
     pub fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
+        let by_edges = matches!(scene.rule, SplatRule::Inria | SplatRule::Antialiased);
+        if matches!(scene.data, Data::Gaussians(_)) && by_edges && ranks > 1 {
+            let why = format!(
+                "{} depends on the edges of the image, of which each rank draws a part: others do not",
+                scene.rule.name()
+            );
+            return Err(Error::invalid("rule", why));
+        }
         match &scene.data {
             Data::Grid(_) | Data::Mesh(_) if scene.kernels.is_none() => {
                 KdTree::new(scene, view, ranks).map(Self::Space)
