@@ -64,16 +64,8 @@ impl Shares {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] for no ranks, for more than the image has pixels, and for trained splats by a rule that depends on the image's edges.
+    /// [`Error::Invalid`] for no ranks, and for more than the image has pixels.
     pub fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
-        let by_edges = matches!(scene.rule, SplatRule::Inria | SplatRule::Antialiased);
-        if matches!(scene.data, Data::Gaussians(_)) && by_edges && ranks > 1 {
-            let why = format!(
-                "{} depends on the edges of the image, of which each rank draws a part: others do not",
-                scene.rule.name()
-            );
-            return Err(Error::invalid("rule", why));
-        }
         match &scene.data {
             Data::Grid(_) | Data::Mesh(_) if scene.kernels.is_none() => {
                 KdTree::new(scene, view, ranks).map(Self::Space)
@@ -118,7 +110,7 @@ impl Shares {
 ///
 /// # Errors
 ///
-/// Those of [`View::with_owned`] and [`Renderer::render`] of any rank, on all of them, and those of the communicator.
+/// [`Error::Invalid`] for splats by rules that depend on the image's edges; those of [`View::with_owned`] and [`Renderer::render`] of any rank, on all of them, and those of the communicator.
 pub fn render(
     scene: &Arc<GpuScene>,
     technique: Technique,
@@ -127,6 +119,13 @@ pub fn render(
     ranks: &dyn Communicator,
 ) -> Result<Rendered> {
     let draw = || {
+        let rule = technique.splat_rule().or(scene.scene().splat_rule());
+        if let Some(rule @ (SplatRule::Inria | SplatRule::Antialiased)) = rule
+            && ranks.size() > 1
+        {
+            let why = "depends on the edges of the image, of which each rank draws a part: others do not";
+            return Err(Error::invalid("rule of splats", format!("{}: {why}", rule.name())));
+        }
         let view = shares.view(view, ranks.rank())?;
         let mut frames = Renderer::new(scene, technique).frames(&view)?;
         let frame = frames.draw(&view)?;

@@ -10,7 +10,7 @@ use volraster::gpu::GpuOptions;
 use volraster::measure::ImageErrors;
 use volraster::ranks::{Communicator as _, KdTree, Shares, Threads, render};
 use volraster::scene::{
-    Camera, Clip, Data, Field, KernelSize, Lighting, Mode, Projection, Scene, Surface, Tets,
+    Camera, Clip, Data, Field, KernelSize, Lighting, Mode, Projection, Scene, SplatRule, Surface, Tets,
     TransferFunction, View,
 };
 use volraster::technique::Renderer;
@@ -130,6 +130,11 @@ fn points_are_those_of_one_process() {
     let radii = (0..2000_u16).map(|i| 0.02 + f32::from(i % 97) * 1e-3).collect();
     let several = Scene::new(points.with_size(KernelSize::Radii(radii)).unwrap(), fog());
     let trained = Scene::new(Field::Blobs.splats(300).unwrap(), fog());
+    let by_edges = GpuScene::new(&gpu, trained.clone().with_rule(SplatRule::Inria));
+    for refused in drawn(&by_edges, "gaussians", &views()[0], 2) {
+        assert!(refused.unwrap_err().to_string().contains("edges of the image"));
+    }
+    let trained = trained.with_rule(SplatRule::Ray);
     for (scene, specs) in [
         (alike, "splat-ewa splat-ewa:footprint=ewa,order=center splat-sheets"),
         (several, "splat-ewa splat-ewa:footprint=ewa"),
