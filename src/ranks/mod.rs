@@ -36,7 +36,7 @@ use crate::num;
 use crate::ranks::composite::joined;
 use crate::ranks::tiles::Rectangle;
 use crate::resident::GpuScene;
-use crate::scene::{Data, Scene, SplatRule, View};
+use crate::scene::{Data, Scene, View};
 use crate::technique::{FrameTime, Renderer, Technique};
 
 /// A rank's part of drawing an image.
@@ -64,11 +64,15 @@ impl Shares {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] for no ranks, and for more than the image has pixels.
+    /// [`Error::Invalid`] for no ranks, for more than the image has pixels, and for trained splats, whose rules cut them off by the image.
     pub fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
         match &scene.data {
             Data::Grid(_) | Data::Mesh(_) if scene.kernels.is_none() => {
                 KdTree::new(scene, view, ranks).map(Self::Space)
+            }
+            Data::Gaussians(_) => {
+                let why = "trained splats: where their rules cut them off depends on the image, of which ranks draw parts";
+                Err(Error::invalid("data of ranks", why))
             }
             _ => Tiles::new(scene, view, ranks).map(Self::Image),
         }
@@ -110,7 +114,7 @@ impl Shares {
 ///
 /// # Errors
 ///
-/// [`Error::Invalid`] for splats by rules that depend on the image's edges; those of [`View::with_owned`] and [`Renderer::render`] of any rank, on all of them, and those of the communicator.
+/// Those of [`View::with_owned`] and [`Renderer::render`] of any rank, on all of them, and those of the communicator.
 pub fn render(
     scene: &Arc<GpuScene>,
     technique: Technique,
@@ -119,13 +123,6 @@ pub fn render(
     ranks: &dyn Communicator,
 ) -> Result<Rendered> {
     let draw = || {
-        let rule = technique.splat_rule().or(scene.scene().splat_rule());
-        if let Some(rule @ (SplatRule::Inria | SplatRule::Antialiased)) = rule
-            && ranks.size() > 1
-        {
-            let why = "depends on the edges of the image, of which each rank draws a part: others do not";
-            return Err(Error::invalid("rule of splats", format!("{}: {why}", rule.name())));
-        }
         let view = shares.view(view, ranks.rank())?;
         let mut frames = Renderer::new(scene, technique).frames(&view)?;
         let frame = frames.draw(&view)?;
