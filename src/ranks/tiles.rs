@@ -40,9 +40,6 @@ impl Tiles {
             Data::Points(points) => {
                 points.centres().iter().filter_map(|place| view.project(*place).and_then(seen)).collect()
             }
-            Data::Gaussians(splats) => {
-                (0..splats.len()).filter_map(|i| view.project(splats.centre(i)).and_then(seen)).collect()
-            }
             _ => Vec::new(),
         };
         let mut rectangles = Vec::new();

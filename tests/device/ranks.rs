@@ -10,7 +10,7 @@ use volraster::gpu::GpuOptions;
 use volraster::measure::ImageErrors;
 use volraster::ranks::{Communicator as _, KdTree, Shares, Threads, render};
 use volraster::scene::{
-    Camera, Clip, Data, Field, KernelSize, Lighting, Mode, Projection, Scene, SplatRule, Surface, Tets,
+    Camera, Clip, Data, Field, KernelSize, Lighting, Mode, Projection, Scene, Surface, Tets,
     TransferFunction, View,
 };
 use volraster::technique::Renderer;
@@ -64,12 +64,8 @@ fn is_same(scene: &Arc<GpuScene>, spec: &str, what: &str) {
             assert!(all.all(|image| image.is_none()));
             let errors = ImageErrors::between(&got, &want).unwrap().all;
             println!("{what} {spec}, {ranks} ranks: {:.1e}, at most {:.1e}", errors.rmse, errors.max_abs);
-            // The rays of a rectangle of the image are rounded otherwise; trained splats end at an opacity.
-            let bound = match what {
-                "points" => 4e-6,
-                "splats" => 5e-5,
-                _ => 2e-6,
-            };
+            // The rays of a rectangle of the image are rounded otherwise.
+            let bound = if what == "points" { 4e-6 } else { 2e-6 };
             assert!(errors.max_abs <= bound, "{what} {spec}, {ranks} ranks: {errors:?}");
             assert!(want.pixels().iter().any(|pixel| (0.2..0.9999).contains(&pixel[3])));
         }
@@ -134,19 +130,14 @@ fn points_are_those_of_one_process() {
     let radii = (0..2000_u16).map(|i| 0.02 + f32::from(i % 97) * 1e-3).collect();
     let several = Scene::new(points.with_size(KernelSize::Radii(radii)).unwrap(), fog());
     let trained = Scene::new(Field::Blobs.splats(300).unwrap(), fog());
-    let by_edges = GpuScene::new(&gpu, trained.clone().with_rule(SplatRule::Inria));
-    for refused in drawn(&by_edges, "gaussians", &views()[0], 2) {
-        assert!(refused.unwrap_err().to_string().contains("edges of the image"));
-    }
-    let trained = trained.with_rule(SplatRule::Ray);
+    assert!(Shares::new(&trained, &views()[0], 2).unwrap_err().to_string().contains("trained splats"));
     for (scene, specs) in [
         (alike, "splat-ewa splat-ewa:footprint=ewa,order=center splat-sheets"),
         (several, "splat-ewa splat-ewa:footprint=ewa"),
-        (trained, "gaussians"),
     ] {
         let scene = GpuScene::new(&gpu, scene);
         for spec in specs.split(' ') {
-            is_same(&scene, spec, if spec == "gaussians" { "splats" } else { "points" });
+            is_same(&scene, spec, "points");
         }
         let view = &views()[0];
         let shares = Shares::new(scene.scene(), view, 8).unwrap();
