@@ -1,6 +1,11 @@
 //! Several ranks draw the image of one process.
 
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::cast_precision_loss,
+    reason = "a test fails by panicking, and counts are small"
+)]
 
 use std::sync::Arc;
 
@@ -8,7 +13,7 @@ use crate::common::*;
 use glam::DVec3;
 use volraster::gpu::GpuOptions;
 use volraster::measure::ImageErrors;
-use volraster::ranks::{Communicator as _, KdTree, Shares, Threads, render};
+use volraster::ranks::{Communicator as _, Counted, KdTree, Shares, Threads, render};
 use volraster::scene::{
     Camera, Clip, Data, Field, KernelSize, Lighting, Mode, Projection, Scene, Surface, Tets,
     TransferFunction, View,
@@ -245,6 +250,83 @@ fn work_is_shared_out_evenly() {
             let alone = Renderer::new(&on_device, technique("slabs:stop=0")).count(&view).unwrap();
             let alone = alone.iter().find(|(key, _)| *key == "samples").map_or(0, |(_, n)| *n);
             assert!(sum >= alone && 2 * sum <= 3 * alone, "{sum} samples, {alone} of one process");
+        }
+    }
+}
+
+/// The bytes that each rank sends, by the model of docs/scale.md: of every piece that it gives away, and of that which it keeps to the end, 16 for
+/// each pixel whose ray meets the boxes that were composited, and 8 for each run of them. The order of ranks is that of visibility.
+fn bytes_by_model(seen: &[Vec<bool>]) -> Vec<u64> {
+    let bytes = |seen: &[bool]| {
+        let runs = (0..seen.len()).filter(|&i| seen[i] && (i == 0 || !seen[i - 1])).count();
+        (16 * seen.iter().filter(|&&seen| seen).count() + 8 * (runs + 1)) as u64
+    };
+    let ranks = seen.len();
+    let mut held = seen.to_vec();
+    let mut sent = vec![0; ranks];
+    let (mut stride, mut rest) = (1, ranks);
+    while rest > 1 {
+        let k = (2..=rest).find(|k| rest % k == 0).unwrap();
+        let before = held.clone();
+        for place in 0..ranks {
+            let digit = place / stride % k;
+            let own = &before[place];
+            let piece = |i: usize| own.len() * i / k..own.len() * (i + 1) / k;
+            sent[place] += (0..k).filter(|&i| i != digit).map(|i| bytes(&own[piece(i)])).sum::<u64>();
+            let group: Vec<usize> = (0..k).map(|i| place + i * stride - digit * stride).collect();
+            held[place] = piece(digit).map(|i| group.iter().any(|&member| before[member][i])).collect();
+        }
+        (stride, rest) = (stride * k, rest / k);
+    }
+    (0..ranks).map(|place| sent[place] + bytes(&held[place])).collect()
+}
+
+/// Ranks send what the model says. The first rank sends no piece of its own at the end.
+#[test]
+fn bytes_are_those_of_the_model() {
+    let gpu = gpu();
+    let grid = Field::Blobs.sample([80; 3], "f32").unwrap();
+    let [domain, .., end] = grid.corners();
+    let visible =
+        TransferFunction::from_rows(&[[0.0, 0.1, 0.2, 0.9, 0.3], [1.0, 1.0, 1.0, 0.3, 2.0]]).unwrap();
+    let scene = GpuScene::new(&gpu, Scene::new(grid, visible));
+    let view = view(perspective(), 1.0, 160, 120);
+    for count in [2, 3, 4, 8] {
+        let shares = Shares::new(scene.scene(), &view, count).unwrap();
+        let Shares::Space(tree) = &shares else { panic!("boxes") };
+        let order = tree.order(&view);
+        let meets = |rank: &u32| -> Vec<bool> {
+            let [low, high] = tree.boxes()[*rank as usize];
+            let clip = Clip::none().with_crop(low.max(domain), high.min(end)).unwrap();
+            let pixel = |i: u32| {
+                let at = glam::DVec2::new(f64::from(i % 160) + 0.5, f64::from(i / 160) + 0.5);
+                let (origin, direction) = view.ray(at);
+                let [from, to] = clip.range(origin, direction, [0.0, f64::INFINITY]);
+                from < to
+            };
+            (0..160 * 120).map(pixel).collect()
+        };
+        let seen: Vec<Vec<bool>> = order.iter().map(meets).collect();
+        let model = bytes_by_model(&seen);
+        let sent = std::thread::scope(|scope| {
+            let rank = |end: Threads| {
+                let (scene, view, shares) = (&scene, &view, &shares);
+                scope.spawn(move || {
+                    let end = Counted::new(end);
+                    render(scene, technique("slabs"), view, shares, &end).unwrap();
+                    end.sent()
+                })
+            };
+            let running: Vec<_> = Threads::new(count).into_iter().map(rank).collect();
+            running.into_iter().map(|thread| thread.join().unwrap()).collect::<Vec<u64>>()
+        });
+        for (place, &rank) in order.iter().enumerate().filter(|(_, rank)| **rank > 0) {
+            let ratio = sent[rank as usize] as f64 / model[place] as f64;
+            println!(
+                "{count} ranks: rank {rank} sends {} bytes, {ratio:.3} of the model",
+                sent[rank as usize]
+            );
+            assert!((1.0 / 1.2..1.2).contains(&ratio), "{count} ranks: rank {rank}, {ratio}");
         }
     }
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// Rooms of `src/`, lower first. A room uses those before it.
-const ROOMS: [&str; 21] = [
+const ROOMS: [&str; 22] = [
     "num",
     "error",
     "image",
@@ -20,6 +20,7 @@ const ROOMS: [&str; 21] = [
     "resident",
     "frame",
     "technique",
+    "ranks",
     "measure",
     "choice",
     "ffi",
