@@ -22,13 +22,8 @@ layout(local_size_x = 8, local_size_y = 8) in;
 
 // Most slabs of one turn of a march: their samples are fetched before the first is classified, so that one fetch does not wait for the
 // other. A turn takes one where surfaces split slabs, and where it does so much else that two only cost registers: light, look-ups at
-// the ends of segments.
+// the ends of segments, of pages.
 const uint MOST_AT_ONCE = 2u;
-
-// Returns the slabs of the next turn: through pages none at which the march will stop, so that it looks up no page in vain.
-uint turn_of(uint most, uint slab, uint stop) {
-    return PAGED ? min(most, stop - slab) : most;
-}
 
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
 
@@ -119,7 +114,7 @@ void pass_layers(inout LayersAhead ahead, float depth, float opaque, inout vec4 
 // Notes how far the ray has come that ends before slab `end`. Returns whether this is its end; only a ray through pages may have another.
 bool ends_ray(ivec2 pixel, uint slab, uint end, float transmittance, float opaque, float reached, LayersAhead ahead, uint front, uint back) {
     if (!PAGED) return true;
-    bool ended = transmittance <= opaque || !has_missed() && slab >= end;
+    bool ended = !has_missed() && (slab >= end || transmittance <= opaque);
     rays[number_of(pixel)] = RayState(ended ? RAY_ENDED : slab, transmittance, reached, ahead.depth, front, back);
     if (!ended) note_unfinished();
     return ended;

@@ -32,7 +32,7 @@
 #include "grid/tile-step.glsl"
 #include "grid/pilots.glsl"
 
-const uint AT_ONCE = LAYERS || LIT || INTEGRATOR != INTEGRATOR_MIDPOINT ? 1u : MOST_AT_ONCE;
+const uint AT_ONCE = LAYERS || LIT || PAGED || INTEGRATOR != INTEGRATOR_MIDPOINT ? 1u : MOST_AT_ONCE;
 
 // The segments of a ray: segment i begins at depth z0 + i h. Those from `first` to before `end` show anything; `first` may be -1.
 struct Segments {
@@ -90,22 +90,21 @@ void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint 
             known.x = floatBitsToUint(texel);
             front = face_of(texel, lattice);
         }
-        while (i < stop && transmittance > opaque) {
-            uint turn = turn_of(AT_ONCE, i, stop);
+        for (; i < stop && transmittance > opaque; i += AT_ONCE) {
             vec2 pieces[MOST_AT_ONCE];
             float texels[MOST_AT_ONCE];
             bool cut = false;
             float split = reached;
-            for (uint k = 0u; k < AT_ONCE && k < turn; ++k) {
+            for (uint k = 0u; k < AT_ONCE; ++k) {
                 vec2 piece = segment(all, i + k, last, far);
                 cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
                 pieces[k] = piece;
                 float at = INTEGRATOR == INTEGRATOR_MIDPOINT ? 0.5 * (piece.x + piece.y) : piece.y;
                 texels[k] = knows(before.back, i + k) ? uintBitsToFloat(before.back) : stored_at(ray, at, lattice);
-                if (has_missed()) turn = k;
             }
-            if (PAGED && turn > 0u) before.back = UNKNOWN;
-            for (uint k = 0u; k < AT_ONCE && k < turn; ++k) {
+            if (has_missed()) break;
+            if (PAGED) before.back = UNKNOWN;
+            for (uint k = 0u; k < AT_ONCE; ++k) {
                 float begin = pieces[k].x, end = AT_ONCE == 1u || transmittance > opaque ? pieces[k].y : begin;
                 float len = max(end - begin, 0.0) * ray.length_per_depth;
                 vec4 emission;
@@ -119,14 +118,10 @@ void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint 
                 }
                 if (LIT) emission = lit(emission, ray, fma(emitted_at, end - begin, begin), lattice);
                 known.y = floatBitsToUint(texels[k]);
-                if (LIT && has_missed()) {
-                    turn = k;
-                } else {
-                    add_part(pixel, sum, transmittance, emission, vec2(begin, end));
-                    known = uvec2(floatBitsToUint(texels[k]), UNKNOWN);
-                }
+                if (has_missed()) break;
+                add_part(pixel, sum, transmittance, emission, vec2(begin, end));
+                known = uvec2(floatBitsToUint(texels[k]), UNKNOWN);
             }
-            i += turn;
             if (has_missed()) break;
             reached = split;
             if (cut) --i;

@@ -77,7 +77,7 @@ void main() {
 #ifdef COMPUTE
 #include "grid/march.glsl"
 
-const uint AT_ONCE = LAYERS || LIT ? 1u : MOST_AT_ONCE;
+const uint AT_ONCE = LAYERS || LIT || PAGED ? 1u : MOST_AT_ONCE;
 
 void main() {
     ivec2 pixel;
@@ -103,27 +103,24 @@ void main() {
     while (slab < slabs.y && transmittance > opaque && !has_missed()) {
         float z = max(fma(float(slab), h, z0), interval.x);
         uint stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
-        while (slab < stop && transmittance > opaque) {
-            uint turn = turn_of(AT_ONCE, slab, stop);
+        for (; slab < stop && transmittance > opaque; slab += AT_ONCE) {
             vec2 pieces[MOST_AT_ONCE];
             float texels[MOST_AT_ONCE];
             bool cut = false;
             float split = reached;
-            for (uint k = 0u; k < AT_ONCE && k < turn; ++k) {
+            for (uint k = 0u; k < AT_ONCE; ++k) {
                 vec2 piece = slab_piece(fma(float(slab + k), h, z0), fma(float(slab + k + 1u), h, z0), interval);
                 cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
                 pieces[k] = piece;
                 texels[k] = slice_texel(ray, piece, lattice);
-                if (has_missed()) turn = k;
             }
-            for (uint k = 0u; k < AT_ONCE && k < turn; ++k) {
+            for (uint k = 0u; k < AT_ONCE; ++k) {
                 bool drawn = AT_ONCE == 1u || slab + k < slabs.y && transmittance > opaque;
                 vec2 piece = drawn ? pieces[k] : pieces[k].xx;
                 vec4 emission = slice_emission(texels[k], ray, piece, lattice, knots);
-                if (LIT && has_missed()) turn = k;
-                else add_part(pixel, sum, transmittance, emission, piece);
+                if (has_missed()) break;
+                add_part(pixel, sum, transmittance, emission, piece);
             }
-            slab += turn;
             if (has_missed()) break;
             reached = split;
             if (cut) --slab;
