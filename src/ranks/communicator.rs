@@ -135,3 +135,52 @@ impl Communicator for Threads {
 fn gone(rank: u32) -> Error {
     Error::Rank { rank, code: 1, why: "has ended".to_string() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What each of three ranks hears where these have failed.
+    fn heard(failing: &[u32]) -> Vec<Result<u32>> {
+        std::thread::scope(|scope| {
+            let rank = |end: Threads| {
+                scope.spawn(move || {
+                    let rank = end.rank();
+                    let fails = failing.contains(&rank);
+                    agree(
+                        &end,
+                        if fails { Err(Error::invalid("part", format!("of {rank}"))) } else { Ok(rank) },
+                    )
+                })
+            };
+            let running: Vec<_> = Threads::new(3).into_iter().map(rank).collect();
+            running.into_iter().map(|thread| thread.join().unwrap()).collect()
+        })
+    }
+
+    #[test]
+    fn a_failure_of_one_rank_is_one_of_all() {
+        let made: Vec<u32> = heard(&[]).into_iter().map(Result::unwrap).collect();
+        assert_eq!(made, [0, 1, 2]);
+        for failing in [&[0][..], &[2], &[1, 2]] {
+            for (rank, result) in (0..).zip(heard(failing)) {
+                let error = result.unwrap_err();
+                let own = failing.contains(&rank);
+                let want = if own {
+                    format!("invalid part: of {rank}")
+                } else {
+                    format!("rank {}: invalid part: of {}", failing[0], failing[0])
+                };
+                assert_eq!((error.to_string(), error.exit_code()), (want, 2));
+            }
+        }
+    }
+
+    #[test]
+    fn a_rank_that_has_ended_is_an_error() {
+        let [first, second] = <[Threads; 2]>::try_from(Threads::new(2)).unwrap();
+        drop(second);
+        let error = first.exchange(&[(1, vec![1, 2])]).unwrap_err();
+        assert_eq!(error.to_string(), "rank 1: has ended");
+    }
+}

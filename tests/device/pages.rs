@@ -3,13 +3,20 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::common::*;
+use crate::folder::Folder;
 use glam::DVec3;
 use volraster::GpuScene;
 use volraster::gpu::GpuOptions;
+use volraster::io::ReadOptions;
+use volraster::io::scene_file::LoadedScene;
 use volraster::measure::ImageErrors;
-use volraster::scene::{Clip, Field, Grid, Lighting, Mode, Samples, Scene, Surface, TransferFunction, View};
+use volraster::scene::{
+    Clip, Field, Grid, Lighting, Mode, OnDemand, SampleSource, Samples, Scene, Surface, TransferFunction,
+    View,
+};
 use volraster::technique::Renderer;
 
 /// A grid of 3 x 2 x 3 pages, the last of which are cut.
@@ -217,4 +224,82 @@ fn every_kind_of_scene_is_drawn_from_pages() {
             }
         }
     }
+}
+
+/// Samples of a source that takes its time, or has none any more.
+#[derive(Debug)]
+struct Slow {
+    grid: Grid,
+    ends: AtomicBool,
+}
+
+impl SampleSource for Slow {
+    fn read(&self, first: [u32; 3], extent: [u32; 3]) -> volraster::Result<Samples> {
+        if self.ends.load(Ordering::Relaxed) {
+            return Err(volraster::Error::Invalid { what: "samples".into(), why: "are gone".into() });
+        }
+        std::thread::sleep(std::time::Duration::from_millis(2));
+        let Samples::F32(all) = self.grid.samples() else { panic!("float32") };
+        let index = |x: u32, y: u32, z: u32| ((z * DIMS[1] + y) * DIMS[0] + x) as usize;
+        let rows = (0..extent[2]).flat_map(|z| (0..extent[1]).map(move |y| (y, z)));
+        let row = |(y, z)| {
+            let from = index(first[0], first[1] + y, first[2] + z);
+            all[from..from + extent[0] as usize].to_vec()
+        };
+        Ok(Samples::F32(rows.flat_map(row).collect()))
+    }
+}
+
+/// A slow source costs time alone, also part by part; one that fails later ends the frame with its error, and the next that can be read is right.
+#[test]
+fn sources_may_be_slow_and_may_fail() {
+    let gpu = gpu_with(pool(4, 4));
+    let grid = Field::Blobs.sample(DIMS, "f32").unwrap();
+    let source = Arc::new(Slow { grid: grid.clone(), ends: AtomicBool::new(false) });
+    let on_demand = OnDemand::new(DIMS, Shared(Arc::clone(&source))).unwrap();
+    let slow = grid.with_samples(Samples::OnDemand(on_demand)).unwrap();
+    let [view, other, _] = views();
+    let want = draw(&gpu, &Scene::new(grid, fog()), &view, "slabs:filter=exact");
+    let scene = GpuScene::new(&gpu, Scene::new(slow, fog()));
+    let mut frames = Renderer::new(&scene, technique("slabs:filter=exact")).frames(&view).unwrap();
+    let mut parts = 1;
+    // Another view in between, of which a part is drawn.
+    assert!(frames.draw_part(&other).unwrap().is_none());
+    while frames.draw_part(&view).unwrap().is_none() {
+        assert!(frames.read_back().is_err(), "the picture is not complete");
+        parts += 1;
+    }
+    assert!(parts > 4 && frames.read_back().unwrap() == want, "{parts} parts");
+    source.ends.store(true, Ordering::Relaxed);
+    let error = frames.draw(&other).unwrap_err().to_string();
+    assert!(error.contains("are gone") && frames.read_back().is_err(), "{error}");
+    source.ends.store(false, Ordering::Relaxed);
+    frames.draw(&view).unwrap();
+    assert!(frames.read_back().unwrap() == want);
+}
+
+/// A source that others hold as well.
+#[derive(Debug)]
+struct Shared(Arc<Slow>);
+
+impl SampleSource for Shared {
+    fn read(&self, first: [u32; 3], extent: [u32; 3]) -> volraster::Result<Samples> {
+        self.0.read(first, extent)
+    }
+}
+
+/// A file that is cut off after it was opened is an error in one line, which names it.
+#[test]
+fn a_file_that_is_cut_off_later_is_refused() {
+    let gpu = gpu_with(pool(4, 4));
+    let folder = Folder::new();
+    folder.write("samples.raw", vec![7; 160 * 80 * 131]);
+    let json = r#"{"volume": {"file": "samples.raw", "dims": [160, 80, 131], "type": "u8"}, "transfer": {"preset": "fog", "range": [0, 20]}}"#;
+    folder.write("scene.json", json);
+    let options = ReadOptions { on_demand: Some(0), ..ReadOptions::default() };
+    let loaded = LoadedScene::load_any(folder.path("scene.json"), &options).unwrap();
+    std::fs::OpenOptions::new().write(true).open(folder.path("samples.raw")).unwrap().set_len(1000).unwrap();
+    let scene = GpuScene::new(&gpu, loaded.scene);
+    let error = Renderer::new(&scene, technique("slabs")).render(&views()[0]).unwrap_err().to_string();
+    assert!(error.contains("samples.raw") && error.contains("ends") && !error.contains('\n'), "{error}");
 }

@@ -10,12 +10,16 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
+use std::time::Instant;
 
-use volraster::Result;
+use volraster::io::ReadOptions;
+use volraster::io::scene_file::LoadedScene;
 use volraster::measure::ImageErrors;
 use volraster::reference;
 use volraster::scene::{Grid, OnDemand, SampleSource, Samples, Scene, TransferFunction, View};
+use volraster::{GpuScene, Result};
 
+use crate::common::{draw_on, gpu};
 use crate::folder::Folder;
 
 /// Centres and radii of fog balls in the cube from -1 to 1.
@@ -136,9 +140,26 @@ fn a_grid_of_2048_samples_a_side_is_drawn_in_1_gib() {
     const PROBES: u32 = 4096;
     let balls = Balls::new(2048);
     let folder = folder_with(&balls, 1024);
+    // A first picture, of an overview.
+    let begin = Instant::now();
+    let read = ReadOptions { on_demand: Some(0), ..ReadOptions::default() };
+    let opened = LoadedScene::load_any(folder.path("scene.json"), &read).unwrap();
+    let view = View::new(opened.camera, 1024, 1024).unwrap();
+    let gpu = gpu();
+    let scene = GpuScene::new(&gpu, opened.scene).overview().unwrap();
+    let first = draw_on(&scene, &view, "slabs");
+    drop((scene, gpu));
+    println!("first picture {:.2} s after opening", begin.elapsed().as_secs_f64());
+
+    let begin = Instant::now();
+    folder.run("render scene.json --memory 1GiB -o paged.exr").done();
+    println!("complete picture in {:.1} s", begin.elapsed().as_secs_f64());
+    let errors = ImageErrors::between(&first, &folder.exr("paged.exr")).unwrap().all;
+    println!("the first picture differs from it by {:.1e}, at most {:.1e}", errors.rmse, errors.max_abs);
+    assert!(errors.rmse < 0.02, "{errors:?}");
     folder.run("render scene.json --memory 1GiB -o paged.exr --stats paged.json").done();
     let stats = folder.json("paged.json");
-    println!("{stats:#}");
+    println!("a frame after it: {}; of three: {}", stats["frames"], stats["counters"]);
     let resident = stats["peak_rss_bytes"].as_u64().unwrap();
     assert!(resident <= 5 << 29, "{resident} bytes");
 
@@ -154,7 +175,6 @@ fn a_grid_of_2048_samples_a_side_is_drawn_in_1_gib() {
         [255.0, 1.0, 0.9, 0.6, 12.0],
     ];
     let scene = Scene::new(grid, TransferFunction::from_rows(&rows).unwrap());
-    let view = View::new(loaded.camera, 1024, 1024).unwrap();
     // Tile by tile, so that neighbouring rays share samples that have been computed.
     let pixels: Vec<[u32; 2]> =
         (0..PROBES).map(|i| [i % 64 * 16 + i / 64 % 16, i / 64 * 16 + i % 16]).collect();
@@ -172,5 +192,6 @@ fn a_grid_of_2048_samples_a_side_is_drawn_in_1_gib() {
     }
     let rmse = (squares / f64::from(4 * PROBES)).sqrt();
     println!("rmse {rmse:.2e}, at most {most:.2e}, {resident} bytes resident");
-    assert!(rmse < 1e-4 && most < 2e-3, "rmse {rmse:.2e}, at most {most:.2e}");
+    // Of second order in the slabs, which are thin.
+    assert!(rmse < 1e-5 && most < 1.5e-4, "rmse {rmse:.2e}, at most {most:.2e}");
 }
