@@ -247,6 +247,30 @@ mod tests {
         assert!(why.contains("rank 1") && why.contains("size"), "{why}");
     }
 
+    /// Prints what coding and blending cost, for docs/scale.md.
+    #[test]
+    #[ignore = "a tool: prints figures"]
+    fn measure_compositing() {
+        let pixels: Vec<[f32; 4]> = (0..1_u16 << 15).map(|i| [f32::from(i % 7 + 1) * 0.1; 4]).collect();
+        let pixels = pixels.repeat(128);
+        let timed = |what: &str, work: &mut dyn FnMut()| {
+            let begin = std::time::Instant::now();
+            work();
+            let rate = num::f64_of(pixels.len()) / begin.elapsed().as_secs_f64();
+            println!("{what}: {:.0} M pixels per second", rate * 1e-6);
+        };
+        for _ in 0..3 {
+            let (mut bytes, mut back) = (Vec::new(), None);
+            timed("encoding", &mut || bytes = encoded(&pixels));
+            timed("decoding", &mut || back = decoded(&bytes, pixels.len()));
+            let back = back.unwrap();
+            let mut layers = Some((pixels.clone(), back));
+            let mut all = Vec::new();
+            timed("blending", &mut || all = layers.take().map(|(front, back)| over(front, back)).unwrap());
+            assert_eq!(all.len(), pixels.len());
+        }
+    }
+
     #[test]
     fn codes_are_those_of_active_pixels() {
         let mut pixels = vec![[0.0; 4]; 1000];
