@@ -1976,4 +1976,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 1ae1c70b3ac64858 */
+/* Checksum of the sources: 16d89c8b92074d24 */

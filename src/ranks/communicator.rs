@@ -91,8 +91,8 @@ pub fn agree<T>(ranks: &dyn Communicator, made: Result<T>) -> Result<T> {
 #[derive(Debug)]
 pub struct Threads {
     rank: u32,
-    /// To each rank, and from each.
-    ends: Vec<(Sender<Vec<u8>>, Receiver<Vec<u8>>)>,
+    to: Vec<Sender<Vec<u8>>>,
+    from: Vec<Receiver<Vec<u8>>>,
 }
 
 impl Threads {
@@ -109,8 +109,7 @@ impl Threads {
                 receiver.push(receive);
             }
         }
-        let ends = to.into_iter().zip(from).map(|(to, from)| to.into_iter().zip(from).collect());
-        ends.zip(0..).map(|(ends, rank)| Self { rank, ends }).collect()
+        to.into_iter().zip(from).zip(0..).map(|((to, from), rank)| Self { rank, to, from }).collect()
     }
 }
 
@@ -120,15 +119,18 @@ impl Communicator for Threads {
     }
 
     fn size(&self) -> u32 {
-        num::count(self.ends.len())
+        num::count(self.to.len())
     }
 
     fn exchange(&self, messages: &[(u32, Vec<u8>)]) -> Result<Vec<Vec<u8>>> {
-        let end = |rank: u32| self.ends.get(num::index(rank)).ok_or_else(|| gone(rank));
         for (rank, bytes) in messages {
-            end(*rank)?.0.send(bytes.clone()).map_err(|_| gone(*rank))?;
+            let to = self.to.get(num::index(*rank));
+            to.and_then(|to| to.send(bytes.clone()).ok()).ok_or_else(|| gone(*rank))?;
         }
-        messages.iter().map(|(rank, _)| end(*rank)?.1.recv().map_err(|_| gone(*rank))).collect()
+        let received = |(rank, _): &(u32, Vec<u8>)| {
+            self.from.get(num::index(*rank)).and_then(|from| from.recv().ok()).ok_or_else(|| gone(*rank))
+        };
+        messages.iter().map(received).collect()
     }
 }
 

@@ -183,7 +183,7 @@ mod tests {
     fn image(rank: u32) -> Image {
         let pixel = |i: u32| {
             let word = (i * 7 + rank * 13).wrapping_mul(0x9E37_79B9) >> 16;
-            if word % 3 == 0 {
+            if word.is_multiple_of(3) {
                 [0.0; 4]
             } else {
                 [0.0, 0.1 * (rank % 5) as f32, 0.2, 0.3 + 0.05 * (rank % 7) as f32]

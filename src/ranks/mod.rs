@@ -5,7 +5,7 @@
 //! 2. A rank draws the view that [`View::with_owned`] gives its box. Of a mesh it needs the cells there alone ([`Shares::part`]). Of a grid whose samples are read on demand it reads the pages that the box
 //!    meets and no others; so a rank may also hold a part of the data alone, behind a source of its own
 //!    ([`SampleSource`](crate::scene::SampleSource)).
-//! 3. [`composite`] exchanges pieces of the images, of active pixels only, in rounds of ranks that are neighbours in visibility order (radix-k), and
+//! 3. [`composite()`] exchanges pieces of the images, of active pixels only, in rounds of ranks that are neighbours in visibility order (radix-k), and
 //!    gathers the whole on rank 0.
 //!
 //! The image is that of one process to float32's rounding, since boxes share out the same pieces of rays. Processes speak through a

@@ -189,7 +189,7 @@ fn plane(items: &[Item], share: f64, [low, high]: [DVec3; 2]) -> (usize, f64) {
     let last = items.iter().fold(DVec3::NEG_INFINITY, |most, (place, _)| most.max(*place));
     let extent = last - first;
     let axis = extent.max_position();
-    if !(extent[axis] > 0.0) {
+    if items.is_empty() || extent[axis] <= 0.0 {
         // No work, or all at one place: any plane that cuts the box.
         let at = [low[axis], high[axis]].into_iter().filter(|side| side.is_finite()).sum::<f64>();
         let both = low[axis].is_finite() && high[axis].is_finite();

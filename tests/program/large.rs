@@ -164,7 +164,6 @@ fn a_grid_of_2048_samples_a_side_is_drawn_in_1_gib() {
     assert!(resident <= 5 << 29, "{resident} bytes");
 
     let whole = OnDemand::new([2048; 3], balls).unwrap();
-    let loaded = folder.scene(r#"{"volume": {"field": "blobs", "dims": [2, 2, 2], "type": "u8"}, "camera": {"eye": [2.2, 1.7, 3.1], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_deg": 34}}"#).unwrap();
     let spacing = glam::DVec3::splat(2.0 / 2047.0);
     let grid = Grid::new([2048; 3], Samples::OnDemand(whole)).unwrap();
     let grid = grid.with_placement(spacing, -glam::DVec3::ONE, glam::DMat3::IDENTITY).unwrap();

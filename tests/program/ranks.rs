@@ -39,7 +39,9 @@ fn folder() -> Folder {
     let samples: Vec<u8> = (0..side.pow(3))
         .map(|i| {
             let [x, y, z] = [i % side, i / side % side, i / side / side].map(wave);
-            (127.0 + 60.0 * (x + y * z)) as u8
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 7 and 247")]
+            let sample = (127.0 + 60.0 * (x + y * z)) as u8;
+            sample
         })
         .collect();
     folder.write("waves.raw", samples);

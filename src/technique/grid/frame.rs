@@ -128,7 +128,7 @@ impl GridFrame {
             return Err(refused(name, "integrator", why));
         }
         let refuse_owned = |what: &str, instead: &str| match target.owned {
-            Some(_) => Err(refused(name, what, &format!("none where a box owns pieces of rays: {instead}"))),
+            Some(_) => Err(refused(name, what, format!("none where a box owns pieces of rays: {instead}"))),
             None => Ok(()),
         };
         if route == Route::Raster {
