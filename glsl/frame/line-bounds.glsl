@@ -74,7 +74,7 @@ void main() {
         if (rise < 0.0) bounds.y = min(bounds.y, z);
         // Of the two sides of a plane that a ray lies in, one owns it.
         bool other = (push.count & BOUNDS_OWNED) != 0u
-            && (plane.x != 0.0 ? plane.x < 0.0 : plane.y != 0.0 ? plane.y < 0.0 : plane.w < 0.0);
+            && (plane.x != 0.0 ? plane.x < 0.0 : plane.y < 0.0);
         if (rise == 0.0 && (height < 0.0 || height == 0.0 && other)) bounds.y = -3e38;
     }
     line_bounds[word] = clamp(bounds, -3e38, 3e38);

@@ -136,9 +136,12 @@ void main() {
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
     float spacing = step_of(pixel);
-    Segments all = segments_of(ray, interval, owned_of(shown_of(interval, pixel), pixel), spacing);
+    vec2 shown = shown_of(interval, pixel);
+    Segments all = segments_of(ray, interval, owned_of(shown, pixel), spacing);
+    // A piece may begin in front of the part that owns it.
+    all.begin = shown.x;
     float begin = float(push.first), end = float(push.first + push.count);
-    uvec2 range = owned_segments(uvec2(max(all.first, begin), clamp(all.end, 0.0, end)), all, interval.y), ahead_of = slabs_ahead(range);
+    uvec2 range = owned_segments(uvec2(min(max(all.first, begin), end), clamp(all.end, 0.0, end)), all, interval.y), ahead_of = slabs_ahead(range);
 
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);

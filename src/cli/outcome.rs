@@ -46,7 +46,12 @@ pub(crate) type Outcome = Result<(), Failure>;
 /// Fails if the validation layers gave messages. Call it after the device has been destroyed, which may cause
 /// messages too.
 pub(crate) fn check_validation(log: &ValidationLog) -> Outcome {
-    match log.messages().len() {
+    messages_found(log.messages().len())
+}
+
+/// Fails if the validation layers gave so many messages.
+pub(crate) fn messages_found(count: usize) -> Outcome {
+    match count {
         0 => Ok(()),
         n => Err(Failure::Finding(format!("the validation layers gave {}", counted(n, "message")))),
     }

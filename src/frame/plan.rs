@@ -71,6 +71,8 @@ pub struct Plan {
     bounds: Option<RayBounds>,
     /// Where rays pass the box whose pieces the view owns.
     owned: Option<RayBounds>,
+    /// Whether its views own a box.
+    owns: bool,
     /// Whether it can own pieces; else it is clipped to what it owns.
     pieces: bool,
     surfaces: Option<SurfaceFrame>,
@@ -202,6 +204,7 @@ impl Plan {
             let why = "scenes with surfaces and resolutions below full do not tell them";
             return Err(Error::invalid("hit depths", why));
         }
+        let owns = view.owned().is_some();
         let view = &if pieces { *view } else { view.clipped_to_owned() };
         let drawn = view.reduced(side)?;
         let lists = surfaces.map(|data| SurfaceLists::new(gpu, data, view)).transpose()?;
@@ -242,6 +245,7 @@ impl Plan {
         let bounds = bounds
             .map(|bounds| RayBounds::new(gpu, BOUNDS, bounds, target.depth, measure, &drawn))
             .transpose()?;
+        let bounds = bounds.map(|bounds| bounds.sharing(owns));
         let owned = canvas.owned.as_ref();
         let owned = owned.map(|owned| RayBounds::of_owned(gpu, owned, measure, &drawn)).transpose()?;
         let smaller = prepared.image().filter(|_| side > 1);
@@ -258,6 +262,7 @@ impl Plan {
             gpu: gpu.clone(),
             bounds,
             owned,
+            owns,
             pieces,
             surfaces,
             upsampling,
@@ -525,8 +530,8 @@ impl Plan {
     /// Those of [`Renderer::prepare`](crate::Renderer::prepare).
     pub fn set_view(&mut self, view: &View) -> Result<bool> {
         self.gpu.alive()?;
+        let owns = self.owns == view.owned().is_some();
         let view = &if self.pieces { *view } else { view.clipped_to_owned() };
-        let owns = self.owned.is_some() == view.owned().is_some();
         if view.extent() != self.extent || (self.bounds.is_none() && !view.clip().is_none()) || !owns {
             return Ok(false);
         }

@@ -42,8 +42,10 @@ pub(crate) struct RayBounds {
     first: Dispatch,
     more: Dispatch,
     takes_depth: bool,
-    /// Whether a ray in a plane belongs to one side of it alone.
+    /// Whether the planes are those of the box that a view owns.
     owns: bool,
+    /// Whether a ray in a plane belongs to one side of it alone.
+    shares: bool,
     measure: DepthMeasure,
     view: View,
 }
@@ -67,7 +69,15 @@ impl RayBounds {
             planes(false)
         };
         let [first, more] = [first, planes(true)].map(|bound| pass(gpu, name, &bound));
-        let made = Self { first: first?, more: more?, takes_depth, owns: false, measure, view: *view };
+        let made = Self {
+            first: first?,
+            more: more?,
+            takes_depth,
+            owns: false,
+            shares: false,
+            measure,
+            view: *view,
+        };
         made.check(view)?;
         Ok(made)
     }
@@ -80,12 +90,17 @@ impl RayBounds {
         view: &View,
     ) -> Result<Self> {
         let view = view.with_clip(Clip::none()).clipped_to_owned();
-        Ok(Self { owns: true, ..Self::new(gpu, OWNED, owned, false, measure, &view)? })
+        Ok(Self { owns: true, shares: true, ..Self::new(gpu, OWNED, owned, false, measure, &view)? })
     }
 
     /// Changes to another view of the same extent, which [`RayBounds::check`] has accepted.
     pub(crate) fn set_view(&mut self, view: &View) {
         self.view = self.seen(view);
+    }
+
+    /// Returns the same for views that are clipped to the box that they own: a ray in a plane belongs to one side of it alone.
+    pub(crate) fn sharing(self, shares: bool) -> Self {
+        Self { shares, ..self }
     }
 
     /// Returns a view with the planes that bound its rays here.
@@ -127,8 +142,9 @@ impl RayBounds {
         let ends = depth.map_or([1.0, 2.0], |depth| [depth.projection.at_zero, depth.projection.at_one]);
         // The far end is stored as 1, or as 0.
         let far = if ends[1] > ends[0] { BOUNDS_FAR_AT_ONE } else { 0 };
-        let flags =
-            far | if perspective { BOUNDS_PERSPECTIVE } else { 0 } | if self.owns { BOUNDS_OWNED } else { 0 };
+        let flags = far
+            | if perspective { BOUNDS_PERSPECTIVE } else { 0 }
+            | if self.shares { BOUNDS_OWNED } else { 0 };
         // Differences in float64, because a far eye and ends near the data would cancel.
         let depths = ends.map(|end| {
             let from_centre = if end.is_infinite() { end } else { end - centre_depth };

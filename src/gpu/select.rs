@@ -76,6 +76,7 @@ fn choose(offers: &[Offer<'_>], wanted: Option<&str>, nth: u32) -> (Option<usize
             (None, Some(b)) if rank(offers[b].kind) < rank(offer.kind) => {
                 format!("usable, but a {} device is taken before a {} one", offers[b].kind, offer.kind)
             }
+            (None, Some(b)) if b > i => "usable, but another number of its kind is asked for".to_string(),
             _ => "usable, but another of its kind comes first".to_string(),
         },
     });
@@ -214,6 +215,18 @@ mod tests {
         assert_eq!(best, Some(1));
         assert_eq!(why[0], "usable, but a discrete device is taken before a cpu one");
         assert_eq!(choose(&[offer("llvmpipe", "cpu")], None, 0).1, ["no real GPU qualifies"]);
+    }
+
+    #[test]
+    fn devices_of_the_best_kind_are_counted_round() {
+        let offers = [offer("GeForce", "discrete"), offer("llvmpipe", "cpu"), offer("GeForce", "discrete")];
+        for (nth, wanted) in [(0, 0), (1, 2), (2, 0), (5, 2)] {
+            let (best, why) = choose(&offers, None, nth);
+            assert_eq!(best, Some(wanted));
+            assert!(why[2 - wanted].starts_with("usable, but another"), "{why:?}");
+        }
+        assert_eq!(choose(&offers, None, 1).1[2], "its number among those of the best kind");
+        assert_eq!(choose(&offers, Some("llvm"), 3).0, Some(1));
     }
 
     #[test]

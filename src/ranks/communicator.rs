@@ -87,6 +87,24 @@ pub fn agree<T>(ranks: &dyn Communicator, made: Result<T>) -> Result<T> {
     Err(Error::Rank { rank: u32::from_le_bytes(*rank), code, why: String::from_utf8_lossy(why).into_owned() })
 }
 
+/// Checks that bytes are the same on all ranks.
+///
+/// # Errors
+///
+/// [`Error::Invalid`] on rank 0 and [`Error::Rank`] on others, with what the bytes are, where they differ; those of the communicator.
+pub(super) fn alike(ranks: &dyn Communicator, what: &str, bytes: &[u8]) -> Result<()> {
+    let checked = if ranks.rank() == 0 {
+        let from: Vec<_> = (1..ranks.size()).map(|rank| (rank, Vec::new())).collect();
+        let other = ranks.exchange(&from)?.iter().position(|other| other != bytes);
+        let why = |place: usize| format!("differs between rank 0 and rank {}", place + 1);
+        other.map_or(Ok(()), |place| Err(Error::invalid(what, why(place))))
+    } else {
+        ranks.exchange(&[(0, bytes.to_vec())])?;
+        Ok(())
+    };
+    agree(ranks, checked)
+}
+
 /// Ranks that are threads of this process.
 #[derive(Debug)]
 pub struct Threads {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::num;
-use crate::ranks::communicator::Communicator;
+use crate::ranks::communicator::{Communicator, alike};
 use crate::ranks::tiles::{Rectangle, Tiles};
 
 /// Composites the images of all ranks, front to back in this order of ranks, and returns the whole on rank 0.
@@ -15,17 +15,19 @@ use crate::ranks::tiles::{Rectangle, Tiles};
 ///
 /// # Errors
 ///
-/// [`Error::Invalid`] unless the order names each rank once, and where images differ in size; those of the communicator.
+/// On all ranks: [`Error::Invalid`] or [`Error::Rank`] unless the order names each rank once, and where sizes of images or orders differ; those
+/// of the communicator.
 pub fn composite(image: &Image, order: &[u32], ranks: &dyn Communicator) -> Result<Option<Image>> {
+    let sides = [image.width(), image.height()];
+    let same: Vec<u8> = sides.iter().chain(order).flat_map(|word| word.to_le_bytes()).collect();
+    alike(ranks, "size or visibility order of images", &same)?;
     let size = ranks.size();
     let mut named = order.to_vec();
     named.sort_unstable();
     let place = order.iter().position(|&rank| rank == ranks.rank());
     let (true, Some(place)) = (named.iter().copied().eq(0..size), place) else {
-        return Err(Error::invalid(
-            "visibility order",
-            format!("{order:?}: must name each of {size} ranks once"),
-        ));
+        let why = format!("{order:?}: must name each of {size} ranks once");
+        return Err(Error::invalid("visibility order", why));
     };
 
     // Exchange and composite pieces, round by round.
@@ -194,7 +196,11 @@ mod tests {
 
     /// Composites the images of so many ranks, each a thread.
     fn composited(order: &[u32]) -> Vec<Result<Option<Image>>> {
-        let ends = Threads::new(num::count(order.len()));
+        composited_by(num::count(order.len()), order)
+    }
+
+    fn composited_by(ranks: u32, order: &[u32]) -> Vec<Result<Option<Image>>> {
+        let ends = Threads::new(ranks);
         std::thread::scope(|scope| {
             let rank = |end: Threads| scope.spawn(move || composite(&image(end.rank()), order, &end));
             let running: Vec<_> = ends.into_iter().map(rank).collect();
@@ -229,9 +235,10 @@ mod tests {
     #[test]
     fn orders_and_sizes_are_checked() {
         for order in [&[0, 0][..], &[0, 2], &[1]] {
-            let [end, _] = <[Threads; 2]>::try_from(Threads::new(2)).unwrap();
-            let why = composite(&image(0), order, &end).unwrap_err().to_string();
-            assert!(why.contains("each of 2 ranks once"), "{why}");
+            for result in composited_by(2, order) {
+                let why = result.unwrap_err().to_string();
+                assert!(why.contains("each of 2 ranks once"), "{why}");
+            }
         }
         let ends = Threads::new(2);
         let results: Vec<_> = std::thread::scope(|scope| {
@@ -243,8 +250,10 @@ mod tests {
             let running: Vec<_> = ends.into_iter().map(rank).collect();
             running.into_iter().map(|thread| thread.join().unwrap()).collect()
         });
-        let why = results[0].as_ref().unwrap_err().to_string();
-        assert!(why.contains("rank 1") && why.contains("size"), "{why}");
+        for result in results {
+            let why = result.unwrap_err().to_string();
+            assert!(why.contains("rank 1") && why.contains("size"), "{why}");
+        }
     }
 
     /// Prints what coding and blending cost, for docs/scale.md.

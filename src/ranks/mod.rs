@@ -64,8 +64,11 @@ impl Shares {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] for no ranks, for more than the image has pixels, and for trained splats, whose rules cut them off by the image.
+    /// [`Error::Invalid`] for no ranks, for so many that the image has no rows and columns to share out, and for trained splats, whose rules cut them off by the image.
     pub fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
+        if ranks == 0 {
+            return Err(Error::invalid("ranks", "0: at least 1"));
+        }
         match &scene.data {
             Data::Grid(_) | Data::Mesh(_) if scene.kernels.is_none() => {
                 KdTree::new(scene, view, ranks).map(Self::Space)
@@ -94,6 +97,14 @@ impl Shares {
         }
     }
 
+    /// Returns the number of shares.
+    fn count(&self) -> u32 {
+        match self {
+            Self::Space(tree) => num::count(tree.boxes().len()),
+            Self::Image(tiles) => tiles.count(),
+        }
+    }
+
     /// Returns the view that a rank draws.
     fn view(&self, view: &View, rank: u32) -> Result<View> {
         match self {
@@ -102,6 +113,10 @@ impl Shares {
                 view.with_owned(low, high)
             }
             Self::Image(tiles) => {
+                if tiles.image != view.extent() {
+                    let why = format!("of an image of {:?} pixels, not {:?}", tiles.image, view.extent());
+                    return Err(Error::invalid("shares", why));
+                }
                 let Rectangle { corner, extent } = tiles.of(rank);
                 view.part(corner.map(u32::cast_signed), extent)
             }
@@ -123,6 +138,10 @@ pub fn render(
     ranks: &dyn Communicator,
 ) -> Result<Rendered> {
     let draw = || {
+        if shares.count() != ranks.size() {
+            let why = format!("{} for {} ranks", shares.count(), ranks.size());
+            return Err(Error::invalid("shares", why));
+        }
         let view = shares.view(view, ranks.rank())?;
         let mut frames = Renderer::new(scene, technique).frames(&view)?;
         let frame = frames.draw(&view)?;

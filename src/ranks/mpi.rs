@@ -1,5 +1,6 @@
 //! Ranks that are processes of an MPI job.
 
+use mpi::Threading;
 use mpi::environment::Universe;
 use mpi::topology::{Communicator as _, SimpleCommunicator};
 use mpi::traits::{Destination as _, Source as _};
@@ -7,6 +8,9 @@ use mpi::traits::{Destination as _, Source as _};
 use crate::error::{Error, Result};
 use crate::num;
 use crate::ranks::communicator::Communicator;
+
+/// Most bytes of a message.
+const CHUNK: usize = 1 << 30;
 
 /// The processes of an MPI job. MPI ends with this value, and a process has one. Only the thread that made it may use it.
 pub struct Mpi {
@@ -21,6 +25,15 @@ impl std::fmt::Debug for Mpi {
     }
 }
 
+impl Drop for Mpi {
+    fn drop(&mut self) {
+        // Others would wait for this process, and it for them in the end of MPI.
+        if std::thread::panicking() {
+            self.world.abort(101);
+        }
+    }
+}
+
 impl Mpi {
     /// Joins the job that the process was started in, or makes one of this process alone.
     ///
@@ -28,7 +41,8 @@ impl Mpi {
     ///
     /// [`Error::Unsupported`] where MPI was initialised before.
     pub fn join() -> Result<Self> {
-        let universe = mpi::initialize().ok_or_else(|| {
+        // Other threads of the process make no calls of MPI.
+        let (universe, _) = mpi::initialize_with_threading(Threading::Funneled).ok_or_else(|| {
             Error::unsupported("ranks", "MPI that is not yet in use: this process has initialised it before")
         })?;
         Ok(Self { world: universe.world(), _universe: universe })
@@ -54,19 +68,25 @@ impl Communicator for Mpi {
 
     fn exchange(&self, messages: &[(u32, Vec<u8>)]) -> Result<Vec<Vec<u8>>> {
         let process = |rank: u32| self.world.process_at_rank(i32::try_from(rank).unwrap_or(0));
-        for (rank, bytes) in messages {
-            if i32::try_from(bytes.len()).is_err() {
-                let why =
-                    format!("{} bytes for rank {rank}: a message has at most 2 GiB", num::wide(bytes.len()));
-                return Err(Error::invalid("image of ranks", why));
-            }
-        }
+        // MPI counts bytes in a C int: a length goes ahead of chunks.
+        let lengths: Vec<[u8; 8]> =
+            messages.iter().map(|(_, bytes)| num::wide(bytes.len()).to_le_bytes()).collect();
         let received = mpi::request::scope(|scope| {
-            let sends: Vec<_> = messages
-                .iter()
-                .map(|(rank, bytes)| process(*rank).immediate_send(scope, &bytes[..]))
-                .collect();
-            let received = messages.iter().map(|(rank, _)| process(*rank).receive_vec::<u8>().0).collect();
+            let mut sends = Vec::new();
+            for ((rank, bytes), length) in messages.iter().zip(&lengths) {
+                sends.push(process(*rank).immediate_send(scope, &length[..]));
+                sends.extend(bytes.chunks(CHUNK).map(|chunk| process(*rank).immediate_send(scope, chunk)));
+            }
+            let receive = |(rank, _): &(u32, Vec<u8>)| {
+                let (length, _) = process(*rank).receive_vec::<u8>();
+                let length = length.first_chunk::<8>().map_or(0, |length| u64::from_le_bytes(*length));
+                let mut bytes = Vec::new();
+                while num::wide(bytes.len()) < length {
+                    bytes.extend(process(*rank).receive_vec::<u8>().0);
+                }
+                bytes
+            };
+            let received = messages.iter().map(receive).collect();
             for send in sends {
                 send.wait();
             }

@@ -18,6 +18,8 @@ const WIDER: f64 = 1.25;
 /// Rectangles of an image with about the same number of kernels, one per rank.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tiles {
+    /// The extent of the image.
+    pub(super) image: [u32; 2],
     rectangles: Vec<Rectangle>,
 }
 
@@ -44,7 +46,11 @@ impl Tiles {
         };
         let mut rectangles = Vec::new();
         cut(&mut places, Rectangle { corner: [0; 2], extent }, ranks, &mut rectangles)?;
-        Ok(Self { rectangles })
+        Ok(Self { image: extent, rectangles })
+    }
+
+    pub(super) fn count(&self) -> u32 {
+        num::count(self.rectangles.len())
     }
 
     pub(super) fn of(&self, rank: u32) -> Rectangle {

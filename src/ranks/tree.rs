@@ -1,5 +1,7 @@
 //! The k-d tree that cuts space into a box per rank.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 
 use crate::error::{Error, Result};
@@ -9,6 +11,12 @@ use crate::scene::{Data, Grid, Scene, TransferFunction, View};
 
 /// Places along an axis at which a box may be cut.
 const PLACES: usize = 1024;
+
+/// Most samples along an axis that tell the work.
+const MOST_SAMPLES: u32 = 128;
+
+/// About the most cells of a mesh that do.
+const MOST_CELLS: usize = 1 << 21;
 
 /// The work of what shows nothing, of that of what does: a look at it.
 const HIDDEN: f64 = 0.02;
@@ -34,8 +42,8 @@ enum Node {
 type Item = (DVec3, f64);
 
 impl KdTree {
-    /// Cuts space for so many ranks: by the samples of a grid, or of its overview where they are read on demand, that the transfer function
-    /// shows, or by the cells of a mesh. A view magnifies what is near, and its rays are the denser there; other views may share the tree.
+    /// Cuts space for so many ranks: by samples of a grid, or of its overview where they are read on demand, that the transfer function
+    /// shows, or by cells of a mesh. A view magnifies what is near, and its rays are the denser there; other views may share the tree.
     /// Equal arguments give equal trees.
     ///
     /// # Errors
@@ -59,19 +67,18 @@ impl KdTree {
         };
         let found: Vec<(DVec3, Option<f64>)> = match &scene.data {
             Data::Grid(grid) => {
-                let (overview, shown) = (grid.overview(), Bricks::of(grid, &scene.transfer));
-                let item = |index: [u32; 3]| {
-                    let place = DVec3::from_array(index.map(f64::from));
-                    work(overview.world_of_index(place), shown.holds(index))
-                };
-                indices(overview.dims()).map(item).collect()
+                let coarse = Coarse::of(grid);
+                let shown = Bricks::of(&coarse, &scene.transfer);
+                let item = |index: [u32; 3]| work(coarse.place(index), shown.holds(index));
+                indices(coarse.dims).map(item).collect()
             }
             Data::Mesh(mesh) => {
                 let points = mesh.points();
                 let middle = |cell: &[u32; 4]| {
                     work(cell.map(|i| points[num::index(i)]).into_iter().sum::<DVec3>() / 4.0, true)
                 };
-                mesh.cells().iter().map(middle).collect()
+                let every = mesh.cells().len().div_ceil(MOST_CELLS);
+                mesh.cells().iter().step_by(every).map(middle).collect()
             }
             _ => return Err(Error::invalid("ranks", "kernels overlap, so that no boxes own them")),
         };
@@ -104,27 +111,57 @@ fn indices([width, height, depth]: [u32; 3]) -> impl Iterator<Item = [u32; 3]> {
     (0..depth).flat_map(move |z| (0..height).flat_map(move |y| (0..width).map(move |x| [x, y, z])))
 }
 
+/// Samples of a grid, or of its overview, at most [`MOST_SAMPLES`] along each axis.
+struct Coarse<'a> {
+    grid: Cow<'a, Grid>,
+    /// The extent of the whole grid.
+    whole: [u32; 3],
+    /// From one to the next.
+    step: [u32; 3],
+    dims: [u32; 3],
+}
+
+impl<'a> Coarse<'a> {
+    fn of(grid: &'a Grid) -> Self {
+        let overview = grid.overview();
+        let step = overview.dims().map(|side| side.div_ceil(MOST_SAMPLES));
+        let dims = [0, 1, 2].map(|axis| overview.dims()[axis].div_ceil(step[axis]));
+        Self { grid: overview, whole: grid.dims(), step, dims }
+    }
+
+    fn index(&self, index: [u32; 3]) -> [u32; 3] {
+        [0, 1, 2].map(|axis| index[axis] * self.step[axis])
+    }
+
+    fn place(&self, index: [u32; 3]) -> DVec3 {
+        self.grid.world_of_index(DVec3::from_array(self.index(index).map(f64::from)))
+    }
+
+    fn value(&self, index: [u32; 3]) -> f64 {
+        let [x, y, z] = self.index(index);
+        self.grid.value(x, y, z)
+    }
+}
+
 /// The bricks of a grid that show anything, which rays do not skip.
 struct Bricks {
-    /// Samples of the overview along each side of a brick.
+    /// Coarse samples along each side of a brick.
     side: [u32; 3],
     count: [u32; 3],
     shown: Vec<bool>,
 }
 
 impl Bricks {
-    fn of(grid: &Grid, transfer: &TransferFunction) -> Self {
-        let overview = &*grid.overview();
-        let dims = overview.dims();
-        let side = [0, 1, 2].map(|axis| (BRICK * dims[axis]).div_ceil(grid.dims()[axis]));
+    fn of(coarse: &Coarse<'_>, transfer: &TransferFunction) -> Self {
+        let dims = coarse.dims;
+        let side = [0, 1, 2].map(|axis| (BRICK * dims[axis]).div_ceil(coarse.whole[axis]));
         let count = [0, 1, 2].map(|axis| dims[axis].div_ceil(side[axis]));
         // The scalars of a brick, with those of the samples beyond, between which it ends.
         let range = |brick: [u32; 3]| {
             let corner = [0, 1, 2].map(|axis| brick[axis] * side[axis]);
             let extent = [0, 1, 2].map(|axis| (side[axis] + 1).min(dims[axis] - corner[axis]));
             indices(extent).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], index| {
-                let [x, y, z] = [0, 1, 2].map(|axis| corner[axis] + index[axis]);
-                let value = overview.value(x, y, z);
+                let value = coarse.value([0, 1, 2].map(|axis| corner[axis] + index[axis]));
                 [low.min(value), high.max(value)]
             })
         };
@@ -139,7 +176,7 @@ impl Bricks {
         Self { side, count, shown: indices(count).map(|brick| shows(range(brick))).collect() }
     }
 
-    /// Returns whether a brick that shows anything holds a sample of the overview.
+    /// Returns whether a brick that shows anything holds a coarse sample.
     fn holds(&self, index: [u32; 3]) -> bool {
         let [x, y, z] = [0, 1, 2].map(|axis| index[axis] / self.side[axis]);
         let [width, height, _] = self.count;

@@ -291,7 +291,7 @@ impl View {
     }
 
     /// Returns the view of what a box owns. A grid is cut into pieces of rays as without it, and those are drawn whose middle lies in the box, or
-    /// on its lower side; a mesh is clipped to it. Images of boxes that fill space, composited in visibility order, are that of the whole scene to
+    /// on the side where the ray enters it; a mesh is clipped to it. Images of boxes that fill space, composited in visibility order, are that of the whole scene to
     /// float32's rounding. Infinite corners own all there is.
     ///
     /// What blends otherwise is refused when the view is drawn: points, surfaces, maximum intensity projection, `shear-warp`, raster routes, and

@@ -214,6 +214,11 @@ impl Method {
         self.draws_scene(scene) && (has_kernels || kernels.is_empty() || kernels.contains(&Kernel::Tent))
     }
 
+    /// Returns whether it draws kernels, which overlap.
+    pub(crate) fn overlaps(self) -> bool {
+        !self.facts().kernels.is_empty()
+    }
+
     /// Whether it splits rays at translucent surfaces. Other techniques blend whole splats or cells, or rays that several pixels share.
     #[must_use]
     pub fn draws_translucent_surfaces(self) -> bool {

@@ -70,7 +70,8 @@ impl Renderer {
         let Scene { data, kernels, surfaces, mode, .. } = self.scene.scene();
         let method = self.technique.method();
         let drawn = self.technique.drawn();
-        let why = if matches!(data, Data::Points(_)) || kernels.is_some() {
+        let overlap = method.overlaps() || matches!(data, Data::Points(_) | Data::Gaussians(_));
+        let why = if overlap || kernels.is_some() {
             "kernels overlap, so that no box owns them".to_string()
         } else if !surfaces.is_empty() {
             "scenes with surfaces have none".to_string()
@@ -256,8 +257,9 @@ impl Frames {
         }
     }
 
-    /// Draws one part of a frame and waits for it: all of it, unless samples are read on demand. Then those that the part has missed are
-    /// read, and the next call with the same view goes on; another view begins anew. Returns `None` until the frame is complete.
+    /// Draws one part of a frame and waits for it: all of it, unless a grid is kept in pages, or the plan lacked a capacity. Then pages that the
+    /// part has missed are loaded, and the next call with the same view goes on; another view begins anew. Returns `None` until the frame is
+    /// complete.
     ///
     /// # Errors
     ///

@@ -157,6 +157,54 @@ fn points_are_those_of_one_process() {
     }
 }
 
+/// Of rays that lie in the plane between two boxes one box draws all, of a grid and of a mesh.
+#[test]
+fn rays_in_the_plane_between_boxes_are_drawn_once() {
+    let gpu = gpu();
+    let grid = Field::Blobs.sample([40; 3], "f32").unwrap();
+    let [.., view] = views();
+    for (data, spec) in
+        [(Data::from(grid), "slabs"), (Field::Blobs.tets(8).unwrap().into(), "havs:integrator=exact")]
+    {
+        let scene = GpuScene::new(&gpu, Scene::new(data, fog()));
+        let half = |low: f64, high: f64| {
+            let corner = |x: f64| DVec3::new(x, f64::INFINITY, f64::INFINITY);
+            let view = view.with_owned(corner(low) * DVec3::new(1.0, -1.0, -1.0), corner(high)).unwrap();
+            draw_on(&scene, &view, spec)
+        };
+        let (left, right) = (half(f64::NEG_INFINITY, 0.0), half(0.0, f64::INFINITY));
+        let want = draw_on(&scene, &view, spec);
+        let mut middle = 0;
+        for (i, want) in want.pixels().iter().enumerate() {
+            let [left, right] = [left.pixels()[i], right.pixels()[i]];
+            // The boxes lie beside each other along the rays: one of them draws a pixel.
+            assert!(left == [0.0; 4] || right == [0.0; 4], "{spec}: {left:?}, {right:?}");
+            let apart = (0..4).map(|c| (left[c] + right[c] - want[c]).abs()).fold(0.0, f32::max);
+            assert!(apart <= 2e-6, "{spec}: {apart}");
+            middle += usize::from(i % 51 == 25 && want[3] > 0.1);
+        }
+        assert!(middle > 5, "the middle column shows the data");
+    }
+}
+
+/// A piece that begins in front of the box that owns it is drawn, also where the box begins in empty space.
+#[test]
+fn long_pieces_begin_in_front_of_their_boxes() {
+    let gpu = gpu();
+    let rows = [[0.7, 0.9, 0.4, 0.1, 0.0], [0.8, 1.0, 0.9, 0.2, 30.0], [0.9, 0.9, 0.4, 0.1, 0.0]];
+    let sparse = TransferFunction::from_rows(&rows).unwrap();
+    let grid = Field::Blobs.sample([96; 3], "f32").unwrap();
+    let scene = GpuScene::new(&gpu, Scene::new(grid, sparse));
+    let view = &views()[0];
+    for spec in ["slabs:step=9", "slices-3d:step=9", "raycast:step=9,integrator=integral", "slices-2d:step=4"]
+    {
+        let want = draw_on(&scene, view, spec);
+        let got = drawn(&scene, spec, view, 8).swap_remove(0).unwrap().unwrap();
+        let errors = ImageErrors::between(&got, &want).unwrap().all;
+        assert!(errors.max_abs <= 2e-6, "{spec}: {errors:?}");
+    }
+}
+
 /// What a view is clipped to is cut off from the boxes; a box owns nothing outside.
 #[test]
 fn clipped_views_are_shared_out() {
@@ -201,6 +249,7 @@ fn what_no_box_owns_is_refused() {
         all.into_iter().map(|result| result.unwrap_err().to_string()).collect::<Vec<_>>()
     };
     let maximum = grid.clone().with_mode(Mode::Maximum).unwrap();
+    let mesh = Scene::new(Field::Blobs.tets(3).unwrap(), fog());
     let with_pane = grid.clone().with_surfaces(vec![pane]);
     for (scene, spec, why) in [
         (&grid, "shear-warp", "slices-2d draws the same"),
@@ -209,6 +258,7 @@ fn what_no_box_owns_is_refused() {
         (&grid, "slabs:route=raster", "set compute"),
         (&maximum, "raycast", "do not add up"),
         (&with_pane, "slabs", "surfaces"),
+        (&mesh, "splat-ewa", "kernels overlap"),
     ] {
         for message in refused(scene, spec) {
             assert!(message.contains(why) && !message.contains('\n'), "{spec}: {message}");
@@ -216,7 +266,23 @@ fn what_no_box_owns_is_refused() {
     }
     let points = Scene::new(Field::Blobs.points(50).unwrap().with_estimated_radius(), fog());
     assert!(KdTree::new(&points, &views()[0], 2).unwrap_err().to_string().contains("kernels"));
-    assert!(KdTree::new(&grid, &views()[0], 0).unwrap_err().to_string().contains("at least 1"));
+    for scene in [&grid, &points] {
+        assert!(Shares::new(scene, &views()[0], 0).unwrap_err().to_string().contains("at least 1"));
+    }
+    // Shares for others.
+    let scene = GpuScene::new(&gpu, grid);
+    let shares = Shares::new(scene.scene(), &views()[0], 3).unwrap();
+    let ends = Threads::new(2);
+    std::thread::scope(|scope| {
+        for end in ends {
+            let (scene, shares) = (&scene, &shares);
+            scope.spawn(move || {
+                let why =
+                    render(scene, technique("slabs"), &views()[0], shares, &end).unwrap_err().to_string();
+                assert!(why.contains("3 for 2 ranks"), "{why}");
+            });
+        }
+    });
 }
 
 /// Samples that boxes ask for are shared out about evenly, for four scenes and several numbers of ranks; and boxes fill space.
@@ -237,6 +303,11 @@ fn work_is_shared_out_evenly() {
         let on_device = GpuScene::new(&gpu, scene.clone());
         for ranks in taken(1, [2, 4, 7, 8]) {
             let tree = KdTree::new(&scene, &view, ranks).unwrap();
+            for i in 0..200_u16 {
+                let place = DVec3::new(f64::from(i % 7), f64::from(i % 11), f64::from(i % 13)) * 0.2 - 1.1;
+                let owns = |[low, high]: &&[DVec3; 2]| (place.cmpge(*low) & place.cmplt(*high)).all();
+                assert_eq!(tree.boxes().iter().filter(owns).count(), 1, "{place}");
+            }
             let samples = |[low, high]: &[DVec3; 2]| {
                 let view = view.with_owned(*low, *high).unwrap();
                 let counts = Renderer::new(&on_device, technique("slabs:stop=0")).count(&view).unwrap();

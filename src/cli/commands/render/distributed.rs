@@ -10,12 +10,14 @@ use serde_json::{Value, json};
 use volraster::gpu::ValidationLog;
 use volraster::ranks::{Communicator, Counted, Mpi, Rendered, Shares, agree, render};
 use volraster::scene::Scene;
-use volraster::{Error, Gpu, GpuScene, Result, Technique};
+use volraster::{Error, Gpu, GpuScene, Image, Result, Technique};
 
 use super::Args;
+use crate::cli::annotate::Annotations;
 use crate::cli::input::{Input, Settings};
 use crate::cli::memory::peak_rss_bytes;
-use crate::cli::outcome::{Outcome, check_validation};
+use crate::cli::nothing::why_nothing;
+use crate::cli::outcome::{Outcome, messages_found};
 use crate::cli::output;
 use crate::cli::timing::{gpu_ms, milliseconds_since};
 
@@ -26,11 +28,12 @@ const THREADS: &str = "LP_NUM_THREADS";
 const LOCAL_SIZES: [&str; 3] = ["OMPI_COMM_WORLD_LOCAL_SIZE", "MPI_LOCALNRANKS", "SLURM_NTASKS_PER_NODE"];
 
 /// What a rank draws with.
-struct Prepared {
+struct Prepared<'a> {
     scene: Scene,
     gpu: Gpu,
     settings: Settings,
     technique: Technique,
+    annotations: Option<Annotations<'a>>,
     log: Arc<ValidationLog>,
 }
 
@@ -48,31 +51,45 @@ impl Args {
         let local = mpi.local_rank();
         let ranks = Counted::new(mpi);
         let start = Instant::now();
-        let prepared = agree(&ranks, self.check_distributed().and_then(|()| self.prepare(local, quiet)))?;
-        let Prepared { scene, gpu, settings, technique, log } = prepared;
-        let shares = Shares::new(&scene, &settings.view, ranks.size())?;
+        // The first alone looks at the files that it will write.
+        let checked = if ranks.rank() == 0 { self.check_distributed() } else { Ok(()) };
+        let prepared = agree(&ranks, checked.and_then(|()| self.prepare(local, quiet)))?;
+        let Prepared { scene, gpu, settings, technique, annotations, log } = prepared;
+        let shares = agree(&ranks, Shares::new(&scene, &settings.view, ranks.size()))?;
         let device = gpu.report().name.clone();
-        let scene = GpuScene::new(&gpu, shares.part(&scene, &settings.view, ranks.rank()));
+        let part = GpuScene::new(&gpu, shares.part(&scene, &settings.view, ranks.rank()));
         drop(gpu);
         let prepare_ms = milliseconds_since(start);
         let start = Instant::now();
-        let rendered = render(&scene, technique, &settings.view, &shares, &ranks)?;
+        let rendered = render(&part, technique, &settings.view, &shares, &ranks)?;
         let draw_ms = milliseconds_since(start) - rendered.composite_ms;
-        drop(scene);
+        drop(part);
         let mut stats = of_rank(&ranks, &rendered, &device);
         stats["setup_ms"] = json!(prepare_ms);
         stats["draw_ms"] = json!(draw_ms);
+        stats["validation_messages"] = json!(log.messages().len());
         let all = gather(&ranks, &stats)?;
+        let messages = all.iter().filter_map(|rank| rank["validation_messages"].as_u64()).sum::<u64>();
 
         let written = match &rendered.image {
-            Some(image) => self.write(image, &settings, technique, all, quiet),
+            Some(image) => {
+                let nothing = why_nothing(image, &scene, &settings.view).filter(|_| !quiet);
+                if let Some(why) = nothing {
+                    output::complain(&format!("warning: the picture shows nothing: {why}"));
+                }
+                let notes = annotations.map(|notes| notes.draw(image, &settings.view)).transpose();
+                notes.and_then(|own| {
+                    let image = own.as_ref().unwrap_or(image);
+                    self.write(image, &settings, technique, all, quiet)
+                })
+            }
             None => Ok(()),
         };
         agree(&ranks, written)?;
-        check_validation(&log)
+        messages_found(usize::try_from(messages).unwrap_or(usize::MAX))
     }
 
-    /// Checks what clap cannot, on every rank alike.
+    /// Checks what clap cannot.
     fn check_distributed(&self) -> Result<()> {
         let given = [
             ("--frames", self.frames.is_some()),
@@ -92,22 +109,24 @@ impl Args {
     }
 
     /// Opens file and device. The samples of a grid stay in the file, of which a rank then reads its part.
-    fn prepare(&self, local: u32, quiet: bool) -> Result<Prepared> {
+    fn prepare(&self, local: u32, quiet: bool) -> Result<Prepared<'_>> {
         let mut arrays = self.arrays.clone();
         arrays.in_files = true;
         let input = Input::load(&self.scenes[0], self.size, &arrays, quiet)?;
         let Input { scene, settings } = self.look.apply(input)?;
         let technique = settings.choose(self.choice.request()?, &scene)?;
+        let array = settings.report.shown_name();
+        let annotations = self.annotations.prepare(&scene, array, settings.background)?;
         let (gpu, log) = self.device.open_with(self.validate, |options| {
             arrays.limit(options);
             options.nth = local;
         })?;
-        Ok(Prepared { scene, gpu, settings, technique, log })
+        Ok(Prepared { scene, gpu, settings, technique, annotations, log })
     }
 
     fn write(
         &self,
-        image: &volraster::Image,
+        image: &Image,
         settings: &Settings,
         technique: Technique,
         ranks: Vec<Value>,

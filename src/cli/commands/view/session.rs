@@ -29,6 +29,8 @@ const LEAST_ANGLE: f64 = 1.0;
 #[derive(Debug)]
 pub(super) struct Session {
     scene: Arc<GpuScene>,
+    /// The scene that pictures before the complete one show, once there was one.
+    overview: Option<Arc<GpuScene>>,
     view: View,
     /// The camera at the beginning.
     home: Camera,
@@ -78,6 +80,7 @@ impl Session {
     pub(super) fn new(scene: Arc<GpuScene>, settings: &Settings, technique: Technique, budget: f64) -> Self {
         let mut session = Self {
             scene,
+            overview: None,
             view: settings.view,
             home: *settings.view.camera(),
             technique,
@@ -189,12 +192,16 @@ impl Session {
         let [width, height] = reduced(self.view.extent(), level);
         let view = View::new(*self.view.camera(), width, height)?.with_clip(*self.view.clip());
         if self.plans[level].as_ref().is_none_or(|(setup, _)| *setup != self.setup) {
-            let scene = if level > 0 { &self.scene.overview()? } else { &self.scene };
+            if level > 0 && self.overview.is_none() {
+                self.overview = Some(self.scene.overview()?);
+            }
+            let scene = self.overview.as_ref().filter(|_| level > 0).unwrap_or(&self.scene);
             let frames = Renderer::new(scene, coarser(&self.technique, side(level))?).frames(&view)?;
             self.plans[level] = Some((self.setup, frames));
         }
+        let in_parts = level == 0 && self.is_in_parts();
         let Some((_, frames)) = &mut self.plans[level] else { return Ok(()) };
-        if level > 0 {
+        if !in_parts {
             frames.draw(&view)?;
         } else if frames.draw_part(&view)?.is_none() {
             return Ok(());
@@ -374,6 +381,12 @@ impl Session {
 
     /// Replaces the scene by another look at the same data. Times stay about the same.
     fn show(&mut self, scene: Arc<GpuScene>) {
+        // The overview has the same look, and its samples stay on the device.
+        let look = |overview: Arc<GpuScene>| {
+            let Scene { transfer, mode, .. } = scene.scene();
+            overview.with_transfer(transfer.clone()).with_mode(*mode).ok()
+        };
+        self.overview = self.overview.take().and_then(look);
         self.scene = scene;
         self.renew();
     }
