@@ -20,6 +20,8 @@ fn mpirun(folder: &Folder, ranks: u32, line: &str) -> Command {
     job.envs(program.get_envs().filter_map(|(key, value)| Some((key, value?))));
     // Tests may run as root, in a container.
     job.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
+    // Nor may processes of a container read each other's memory.
+    job.env("OMPI_MCA_btl_vader_single_copy_mechanism", "none");
     job
 }
 
