@@ -21,8 +21,8 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 
 // Most slabs of one turn of a march: their samples are fetched before the first is classified, so that one fetch does not wait for the
-// other. A turn takes one where surfaces split slabs, and where it does so much else that two only cost registers: light, look-ups at
-// the ends of segments, of pages.
+// other. A turn takes one where surfaces split slabs, and where it does so much else that two only cost registers: light, look-ups of
+// pages and at the ends of segments.
 const uint MOST_AT_ONCE = 2u;
 
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;

@@ -55,20 +55,6 @@ vec2 segment(Segments all, uint i, uint last, float far) {
     return vec2(fma(float(i), all.h, all.z0), min(fma(float(min(i + 1u, last)), all.h, all.z0), far));
 }
 
-// Returns those of the segments [x, y) that belong to the part of space, whose ends they may reach beyond.
-uvec2 owned_segments(uvec2 segments, Segments all, float far) {
-    if (!OWNED) return segments;
-    for (uint i = 0u; i < MOST_BESIDE && segments.x < segments.y; ++i) {
-        if (owns(segment(all, segments.x, segments.y, far))) break;
-        ++segments.x;
-    }
-    for (uint i = 0u; i < MOST_BESIDE && segments.x < segments.y; ++i) {
-        if (owns(segment(all, segments.y - 1u, segments.y, far))) break;
-        --segments.y;
-    }
-    return segments;
-}
-
 // Marches the segments of a ray from `i` to before `last`, and leaves the number of the next in `i`. The last of all ends at depth `far`.
 void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint i, uint last, inout LayersAhead ahead, inout float reached,
            inout uvec2 known, inout vec4 sum, inout float transmittance) {
@@ -141,7 +127,9 @@ void main() {
     // A piece may begin in front of the part that owns it.
     all.begin = shown.x;
     float begin = float(push.first), end = float(push.first + push.count);
-    uvec2 range = owned_segments(uvec2(min(max(all.first, begin), end), clamp(all.end, 0.0, end)), all, interval.y), ahead_of = slabs_ahead(range);
+    uvec2 range = uvec2(min(max(all.first, begin), end), clamp(all.end, 0.0, end));
+    KEEP_OWNED(range, segment(all, i, range.y, interval.y))
+    uvec2 ahead_of = slabs_ahead(range);
 
     float transmittance;
     vec4 sum = begin_march(pixel, transmittance);

@@ -24,15 +24,7 @@ vec2 slab_piece(float begin, float end, vec2 interval) {
 
 // Returns those of the slabs [x, y) that belong to the part of space, whose ends they may reach beyond.
 uvec2 owned_slabs(uvec2 slabs, vec2 interval) {
-    if (!OWNED) return slabs;
-    for (uint i = 0u; i < MOST_BESIDE && slabs.x < slabs.y; ++i) {
-        if (owns(slab_piece(slab_begin(slabs.x), slab_begin(slabs.x + 1u), interval))) break;
-        ++slabs.x;
-    }
-    for (uint i = 0u; i < MOST_BESIDE && slabs.x < slabs.y; ++i) {
-        if (owns(slab_piece(slab_begin(slabs.y - 1u), slab_begin(slabs.y), interval))) break;
-        --slabs.y;
-    }
+    KEEP_OWNED(slabs, slab_piece(slab_begin(i), slab_begin(i + 1u), interval))
     return slabs;
 }
 #endif

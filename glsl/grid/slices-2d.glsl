@@ -141,15 +141,7 @@ void main() {
     uint turns = shown.x < shown.y ? uint(abs(end - begin)) + 1u : 0u;
     uint first_slab = uint(begin);
     uvec2 all = uvec2(push.first, min(turns, push.first + push.count));
-    // Those that belong to the part of space, whose ends they may reach beyond.
-    for (uint i = 0u; OWNED && i < MOST_BESIDE && all.x < all.y; ++i) {
-        if (owns(slab_piece(down ? first_slab - all.x : first_slab + all.x, ray, interval, z0, h))) break;
-        ++all.x;
-    }
-    for (uint i = 0u; OWNED && i < MOST_BESIDE && all.x < all.y; ++i) {
-        if (owns(slab_piece(down ? first_slab + 1u - all.y : first_slab + all.y - 1u, ray, interval, z0, h))) break;
-        --all.y;
-    }
+    KEEP_OWNED(all, slab_piece(down ? first_slab - i : first_slab + i, ray, interval, z0, h))
     uvec2 turns_ahead = slabs_ahead(all);
     uint turn = turns_ahead.x, last = turns_ahead.y;
 

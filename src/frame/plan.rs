@@ -247,7 +247,10 @@ impl Plan {
             .transpose()?;
         let bounds = bounds.map(|bounds| bounds.sharing(owns));
         let owned = canvas.owned.as_ref();
-        let owned = owned.map(|owned| RayBounds::of_owned(gpu, owned, measure, &drawn)).transpose()?;
+        let owned = owned
+            .map(|owned| RayBounds::new(gpu, OWNED, owned, false, measure, &drawn.of_owned()))
+            .transpose()?;
+        let owned = owned.map(|owned| owned.sharing(true));
         let smaller = prepared.image().filter(|_| side > 1);
         let upsampling =
             smaller.map(|image| Upsampling::new(gpu, image, view, &canvas, refine, prepare)).transpose()?;
@@ -536,8 +539,9 @@ impl Plan {
             return Ok(false);
         }
         let drawn = &view.reduced(self.side)?;
-        for bounds in self.bounds.iter().chain(&self.owned) {
-            bounds.check(drawn)?;
+        let owned = &drawn.of_owned();
+        for (bounds, view) in [(&self.bounds, drawn), (&self.owned, owned)] {
+            bounds.as_ref().map_or(Ok(()), |bounds| bounds.check(view))?;
         }
         let seen = self.surfaces.as_ref().map(|surfaces| surfaces.pushes(drawn)).transpose()?;
         let redrawn = self.upsampling.as_ref().map_or(Ok(true), |upsampling| upsampling.suits(view))?;
@@ -548,8 +552,10 @@ impl Plan {
         if let Some(upsampling) = &mut self.upsampling {
             upsampling.set_view(view)?;
         }
-        for bounds in self.bounds.iter_mut().chain(&mut self.owned) {
-            bounds.set_view(drawn);
+        for (bounds, view) in [(&mut self.bounds, drawn), (&mut self.owned, owned)] {
+            if let Some(bounds) = bounds {
+                bounds.set_view(view);
+            }
         }
         if let Some(hit_depths) = &mut self.hit_depths {
             hit_depths.set_view(view);

@@ -42,8 +42,6 @@ pub(crate) struct RayBounds {
     first: Dispatch,
     more: Dispatch,
     takes_depth: bool,
-    /// Whether the planes are those of the box that a view owns.
-    owns: bool,
     /// Whether a ray in a plane belongs to one side of it alone.
     shares: bool,
     measure: DepthMeasure,
@@ -69,43 +67,19 @@ impl RayBounds {
             planes(false)
         };
         let [first, more] = [first, planes(true)].map(|bound| pass(gpu, name, &bound));
-        let made = Self {
-            first: first?,
-            more: more?,
-            takes_depth,
-            owns: false,
-            shares: false,
-            measure,
-            view: *view,
-        };
+        let made = Self { first: first?, more: more?, takes_depth, shares: false, measure, view: *view };
         made.check(view)?;
         Ok(made)
     }
 
-    /// Builds the passes that find where rays pass the box that a view owns.
-    pub(crate) fn of_owned(
-        gpu: &Gpu,
-        owned: &Arc<Buffer>,
-        measure: DepthMeasure,
-        view: &View,
-    ) -> Result<Self> {
-        let view = view.with_clip(Clip::none()).clipped_to_owned();
-        Ok(Self { owns: true, shares: true, ..Self::new(gpu, OWNED, owned, false, measure, &view)? })
-    }
-
     /// Changes to another view of the same extent, which [`RayBounds::check`] has accepted.
     pub(crate) fn set_view(&mut self, view: &View) {
-        self.view = self.seen(view);
+        self.view = *view;
     }
 
-    /// Returns the same for views that are clipped to the box that they own: a ray in a plane belongs to one side of it alone.
+    /// Returns the same passes for planes of a box that a view owns: a ray in a plane belongs to one side of it alone.
     pub(crate) fn sharing(self, shares: bool) -> Self {
         Self { shares, ..self }
-    }
-
-    /// Returns a view with the planes that bound its rays here.
-    fn seen(&self, view: &View) -> View {
-        if self.owns { view.with_clip(Clip::none()).clipped_to_owned() } else { *view }
     }
 
     /// Checks that float32 holds the planes of a view.
@@ -113,7 +87,7 @@ impl RayBounds {
         let finite = |push: &BoundsPush| {
             push.planes.iter().flatten().chain([&push.kq]).all(|number| number.is_finite())
         };
-        if self.pushes(&self.seen(view), None).iter().all(finite) {
+        if self.pushes(view, None).iter().all(finite) {
             return Ok(());
         }
         let why = "a clip plane or the camera is so far from the data that float32 cannot hold its distance";

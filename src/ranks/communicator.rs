@@ -1,4 +1,4 @@
-//! What ranks say to each other.
+//! The ways in which ranks exchange bytes, and agree.
 
 use std::cell::Cell;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -58,6 +58,19 @@ impl<C: Communicator> Communicator for Counted<C> {
     }
 }
 
+/// Collects bytes of all other ranks on rank 0, from rank 1 on; the others get `None`.
+///
+/// # Errors
+///
+/// Those of the communicator.
+pub fn gather(ranks: &dyn Communicator, bytes: impl FnOnce() -> Vec<u8>) -> Result<Option<Vec<Vec<u8>>>> {
+    if ranks.rank() > 0 {
+        return ranks.exchange(&[(0, bytes())]).map(|_| None);
+    }
+    let from: Vec<_> = (1..ranks.size()).map(|rank| (rank, Vec::new())).collect();
+    ranks.exchange(&from).map(Some)
+}
+
 /// Makes the failure of one rank that of all: returns what this rank has made where no rank has failed, else the error of the first that has.
 ///
 /// # Errors
@@ -68,19 +81,16 @@ pub fn agree<T>(ranks: &dyn Communicator, made: Result<T>) -> Result<T> {
         Ok(_) => Vec::new(),
         Err(error) => [&[error.exit_code()], error.to_string().as_bytes()].concat(),
     };
-    let first = if ranks.rank() == 0 {
-        let others =
-            |bytes: &[u8]| -> Vec<_> { (1..ranks.size()).map(|rank| (rank, bytes.to_vec())).collect() };
-        let mut all = ranks.exchange(&others(&[]))?;
-        all.insert(0, own);
-        let failed = all.iter().position(|error| !error.is_empty());
-        let first =
-            failed.map_or(Vec::new(), |rank| [&num::count(rank).to_le_bytes(), &all[rank][..]].concat());
-        ranks.exchange(&others(&first))?;
-        first
-    } else {
-        ranks.exchange(&[(0, own)])?;
-        ranks.exchange(&[(0, Vec::new())])?.swap_remove(0)
+    let first = match gather(ranks, || own.clone())? {
+        Some(others) => {
+            let failed =
+                (0_u32..).zip(std::iter::once(&own).chain(&others)).find(|(_, error)| !error.is_empty());
+            let first = failed.map_or(Vec::new(), |(rank, error)| [&rank.to_le_bytes(), &error[..]].concat());
+            let to: Vec<_> = (1..ranks.size()).map(|rank| (rank, first.clone())).collect();
+            ranks.exchange(&to)?;
+            first
+        }
+        None => ranks.exchange(&[(0, Vec::new())])?.swap_remove(0),
     };
     let (Some((rank, rest)), true) = (first.split_first_chunk::<4>(), made.is_ok()) else { return made };
     let (code, why) = rest.split_first().map_or((1, &[][..]), |(code, why)| (*code, why));
@@ -93,16 +103,11 @@ pub fn agree<T>(ranks: &dyn Communicator, made: Result<T>) -> Result<T> {
 ///
 /// [`Error::Invalid`] on rank 0 and [`Error::Rank`] on others, with what the bytes are, where they differ; those of the communicator.
 pub(super) fn alike(ranks: &dyn Communicator, what: &str, bytes: &[u8]) -> Result<()> {
-    let checked = if ranks.rank() == 0 {
-        let from: Vec<_> = (1..ranks.size()).map(|rank| (rank, Vec::new())).collect();
-        let other = ranks.exchange(&from)?.iter().position(|other| other != bytes);
-        let why = |place: usize| format!("differs between rank 0 and rank {}", place + 1);
-        other.map_or(Ok(()), |place| Err(Error::invalid(what, why(place))))
-    } else {
-        ranks.exchange(&[(0, bytes.to_vec())])?;
-        Ok(())
-    };
-    agree(ranks, checked)
+    let others = gather(ranks, || bytes.to_vec())?.unwrap_or_default();
+    let differs = (1..).zip(others).find(|(_, other)| other != bytes);
+    let why =
+        |(rank, _): (u32, _)| Err(Error::invalid(what, format!("differs between rank 0 and rank {rank}")));
+    agree(ranks, differs.map_or(Ok(()), why))
 }
 
 /// Ranks that are threads of this process.
@@ -128,6 +133,19 @@ impl Threads {
             }
         }
         to.into_iter().zip(from).zip(0..).map(|((to, from), rank)| Self { rank, to, from }).collect()
+    }
+
+    /// Runs work as so many ranks, each on a thread, and returns what each has made, by rank. A panic of one goes on here.
+    pub fn run<T: Send>(size: u32, work: impl Fn(Self) -> T + Sync) -> Vec<T> {
+        let work = &work;
+        std::thread::scope(|scope| {
+            let running: Vec<_> =
+                Self::new(size).into_iter().map(|end| scope.spawn(move || work(end))).collect();
+            let made = |thread: std::thread::ScopedJoinHandle<'_, T>| {
+                thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            };
+            running.into_iter().map(made).collect()
+        })
     }
 }
 
@@ -160,21 +178,12 @@ fn gone(rank: u32) -> Error {
 mod tests {
     use super::*;
 
-    /// What each of three ranks hears where these have failed.
+    /// Three ranks, of which these fail, agree.
     fn heard(failing: &[u32]) -> Vec<Result<u32>> {
-        std::thread::scope(|scope| {
-            let rank = |end: Threads| {
-                scope.spawn(move || {
-                    let rank = end.rank();
-                    let fails = failing.contains(&rank);
-                    agree(
-                        &end,
-                        if fails { Err(Error::invalid("part", format!("of {rank}"))) } else { Ok(rank) },
-                    )
-                })
-            };
-            let running: Vec<_> = Threads::new(3).into_iter().map(rank).collect();
-            running.into_iter().map(|thread| thread.join().unwrap()).collect()
+        Threads::run(3, |end| {
+            let rank = end.rank();
+            let fails = failing.contains(&rank);
+            agree(&end, if fails { Err(Error::invalid("part", format!("of {rank}"))) } else { Ok(rank) })
         })
     }
 

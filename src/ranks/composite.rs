@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::num;
-use crate::ranks::communicator::{Communicator, alike};
+use crate::ranks::communicator::{Communicator, alike, gather};
 use crate::ranks::tiles::{Rectangle, Tiles};
 
 /// Composites the images of all ranks, front to back in this order of ranks, and returns the whole on rank 0.
@@ -53,21 +53,17 @@ pub fn composite(image: &Image, order: &[u32], ranks: &dyn Communicator) -> Resu
     }
 
     // Gather the pieces.
-    if ranks.rank() > 0 {
-        let bytes = [&num::wide(first).to_le_bytes()[..], &encoded(&pixels)].concat();
-        ranks.exchange(&[(0, bytes)])?;
-        return Ok(None);
-    }
+    let bytes = || [&num::wide(first).to_le_bytes()[..], &encoded(&pixels)].concat();
+    let Some(others) = gather(ranks, bytes)? else { return Ok(None) };
     let mut whole = vec![[0.0; 4]; image.pixels().len()];
     whole[first..first + pixels.len()].copy_from_slice(&pixels);
-    let from: Vec<_> = (1..size).map(|rank| (rank, Vec::new())).collect();
-    for (bytes, (rank, _)) in ranks.exchange(&from)?.iter().zip(&from) {
+    for (bytes, rank) in others.iter().zip(1..) {
         let piece = bytes.split_first_chunk::<8>().and_then(|(first, bytes)| {
             let first = usize::try_from(u64::from_le_bytes(*first)).ok()?;
             let room = whole.get_mut(first..)?;
             put(bytes, room)
         });
-        piece.ok_or_else(|| differs(*rank))?;
+        piece.ok_or_else(|| differs(rank))?;
     }
     Ok(Some(Image::new(image.width(), image.height(), whole)?.with_colours(image.colours())))
 }
@@ -79,19 +75,14 @@ pub(super) fn joined(
     [width, height]: [u32; 2],
     ranks: &dyn Communicator,
 ) -> Result<Option<Image>> {
-    if ranks.rank() > 0 {
-        ranks.exchange(&[(0, encoded(image.pixels()))])?;
-        return Ok(None);
-    }
-    let from: Vec<_> = (1..ranks.size()).map(|rank| (rank, Vec::new())).collect();
-    let received = ranks.exchange(&from)?;
+    let Some(others) = gather(ranks, || encoded(image.pixels()))? else { return Ok(None) };
     let mut whole = vec![[0.0; 4]; num::index(width) * num::index(height)];
     for rank in 0..ranks.size() {
         let Rectangle { corner, extent } = tiles.of(rank);
         let [columns, rows] = extent.map(num::index);
         let piece = match num::index(rank).checked_sub(1) {
             None => Some(image.pixels().to_vec()),
-            Some(place) => decoded(&received[place], columns * rows),
+            Some(place) => decoded(&others[place], columns * rows),
         };
         let piece = piece.filter(|piece| piece.len() == columns * rows).ok_or_else(|| differs(rank))?;
         for (y, row) in piece.chunks_exact(columns).enumerate() {
@@ -200,12 +191,7 @@ mod tests {
     }
 
     fn composited_by(ranks: u32, order: &[u32]) -> Vec<Result<Option<Image>>> {
-        let ends = Threads::new(ranks);
-        std::thread::scope(|scope| {
-            let rank = |end: Threads| scope.spawn(move || composite(&image(end.rank()), order, &end));
-            let running: Vec<_> = ends.into_iter().map(rank).collect();
-            running.into_iter().map(|thread| thread.join().unwrap()).collect()
-        })
+        Threads::run(ranks, |end| composite(&image(end.rank()), order, &end))
     }
 
     /// Any number of ranks gives the image of blending in their order, which is no order of numbers; the last pixel counts.
@@ -240,15 +226,10 @@ mod tests {
                 assert!(why.contains("each of 2 ranks once"), "{why}");
             }
         }
-        let ends = Threads::new(2);
-        let results: Vec<_> = std::thread::scope(|scope| {
-            let rank = |end: Threads| {
-                let image =
-                    Image::new(8, 8 + end.rank(), vec![[0.5; 4]; num::index(64 + 8 * end.rank())]).unwrap();
-                scope.spawn(move || composite(&image, &[1, 0], &end))
-            };
-            let running: Vec<_> = ends.into_iter().map(rank).collect();
-            running.into_iter().map(|thread| thread.join().unwrap()).collect()
+        let results = Threads::run(2, |end| {
+            let rows = 8 + end.rank();
+            let image = Image::new(8, rows, vec![[0.5; 4]; num::index(8 * rows)]).unwrap();
+            composite(&image, &[1, 0], &end)
         });
         for result in results {
             let why = result.unwrap_err().to_string();

@@ -1,12 +1,12 @@
 //! Several processes that draw one image: each draws what its box of space owns, and the images are composited in visibility order.
 //!
-//! 1. [`KdTree`] cuts space into a box per rank, of about the same visible work each. Every rank builds the same one from the scene. Kernels of
-//!    points overlap: of them each rank draws a rectangle of the image in place of a box ([`Shares`]).
-//! 2. A rank draws the view that [`View::with_owned`] gives its box. Of a mesh it needs the cells there alone ([`Shares::part`]). Of a grid whose samples are read on demand it reads the pages that the box
-//!    meets and no others; so a rank may also hold a part of the data alone, behind a source of its own
-//!    ([`SampleSource`](crate::scene::SampleSource)).
-//! 3. [`composite()`] exchanges pieces of the images, of active pixels only, in rounds of ranks that are neighbours in visibility order (radix-k), and
-//!    gathers the whole on rank 0.
+//! 1. [`KdTree`] cuts space into a box per rank, of about the same visible work each. Every rank builds the same one from the scene.
+//!    Kernels of points overlap: of them each rank draws a rectangle of the image in place of a box ([`Shares`]).
+//! 2. A rank draws the view that [`View::with_owned`] gives its box. Of a mesh it needs the cells there alone ([`Shares::part`]). Of a
+//!    grid whose samples are read on demand it reads the pages that its pieces of rays meet; so a rank may also hold a part of the data
+//!    alone, behind a source of its own ([`SampleSource`](crate::scene::SampleSource)).
+//! 3. [`composite()`] exchanges pieces of the images, of active pixels only, in rounds of ranks that are neighbours in visibility order
+//!    (radix-k), and gathers the whole on rank 0.
 //!
 //! The image is that of one process to float32's rounding, since boxes share out the same pieces of rays. Processes speak through a
 //! [`Communicator`]: `mpi::Mpi` (feature `mpi`), [`Threads`] for ranks that are threads of one process, or the caller's.
@@ -20,7 +20,7 @@ mod mpi;
 mod tiles;
 mod tree;
 
-pub use communicator::{Communicator, Counted, Threads, agree};
+pub use communicator::{Communicator, Counted, Threads, agree, gather};
 pub use composite::composite;
 #[cfg(feature = "mpi")]
 pub use mpi::Mpi;
@@ -64,11 +64,9 @@ impl Shares {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] for no ranks, for so many that the image has no rows and columns to share out, and for trained splats, whose rules cut them off by the image.
+    /// [`Error::Invalid`] for no ranks, for so many that the image has no rows and columns to share out, and for trained splats, whose rules
+    /// cut them off by the image.
     pub fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
-        if ranks == 0 {
-            return Err(Error::invalid("ranks", "0: at least 1"));
-        }
         match &scene.data {
             Data::Grid(_) | Data::Mesh(_) if scene.kernels.is_none() => {
                 KdTree::new(scene, view, ranks).map(Self::Space)

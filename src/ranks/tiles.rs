@@ -4,6 +4,7 @@ use glam::DVec2;
 
 use crate::error::{Error, Result};
 use crate::num;
+use crate::ranks::tree::check_count;
 use crate::scene::{Data, Points, Scene, View};
 
 /// Pixels beyond a rectangle from which kernels still reach it: of filters for those that are smaller than a pixel.
@@ -33,6 +34,7 @@ pub(super) struct Rectangle {
 impl Tiles {
     /// Cuts the image of a view for so many ranks.
     pub(super) fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
+        check_count(ranks)?;
         let extent = view.extent();
         let [width, height] = extent.map(f64::from);
         let seen = |(at, _): (DVec2, f64)| {
@@ -100,17 +102,14 @@ fn cut(places: &mut [DVec2], all: Rectangle, ranks: u32, rectangles: &mut Vec<Re
         let why = format!("{ranks} for {} x {} pixels: too few to share out", all.extent[0], all.extent[1]);
         return Err(Error::invalid("ranks", why));
     }
-    let share = num::f64_of(places.len()) * f64::from(below) / f64::from(ranks);
-    let middle = num::index(num::u32_of(share)).min(places.len().saturating_sub(1));
-    let at = if places.is_empty() {
-        f64::from(all.corner[axis]) + f64::from(side) * f64::from(below) / f64::from(ranks)
-    } else {
-        places.select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis])).1[axis]
-    };
+    places.sort_unstable_by(|a, b| a[axis].total_cmp(&b[axis]));
+    let share = f64::from(below) / f64::from(ranks);
+    let middle = num::index(num::u32_of(num::f64_of(places.len()) * share));
+    let evenly = f64::from(all.corner[axis]) + f64::from(side) * share;
+    let at = places.get(middle).map_or(evenly, |place| place[axis]);
     let width = num::u32_of((at - f64::from(all.corner[axis])).round().max(0.0))
         .clamp(least(below), side - least(ranks - below));
     let at = f64::from(all.corner[axis] + width);
-    places.sort_unstable_by(|a, b| a[axis].total_cmp(&b[axis]));
     let (first, second) = places.split_at_mut(places.partition_point(|place| place[axis] < at));
     let [mut near, mut far] = [all; 2];
     near.extent[axis] = width;

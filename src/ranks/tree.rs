@@ -7,6 +7,7 @@ use glam::DVec3;
 use crate::error::{Error, Result};
 use crate::gpu::shader::BRICK;
 use crate::num;
+use crate::resident::visible_scalars::nonzero_ranges;
 use crate::scene::{Data, Grid, Scene, TransferFunction, View};
 
 /// Places along an axis at which a box may be cut.
@@ -50,9 +51,7 @@ impl KdTree {
     ///
     /// [`Error::Invalid`] for no ranks, and for points.
     pub fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
-        if ranks == 0 {
-            return Err(Error::invalid("ranks", "0: at least 1"));
-        }
+        check_count(ranks)?;
         let [first, .., last] = scene.data.corners();
         let nearest = NEAREST * first.distance(last);
         let work = |place: DVec3, shows: bool| {
@@ -105,6 +104,11 @@ impl KdTree {
         self.root.walk(view, &mut order);
         order
     }
+}
+
+/// Refuses shares for no ranks.
+pub(super) fn check_count(ranks: u32) -> Result<()> {
+    if ranks == 0 { Err(Error::invalid("ranks", "0: at least 1")) } else { Ok(()) }
 }
 
 fn indices([width, height, depth]: [u32; 3]) -> impl Iterator<Item = [u32; 3]> {
@@ -165,13 +169,10 @@ impl Bricks {
                 [low.min(value), high.max(value)]
             })
         };
+        let scalars: Vec<[f64; 2]> =
+            nonzero_ranges(transfer).into_iter().map(|range| range.map(f64::from)).collect();
         let shows = |[low, high]: [f64; 2]| {
-            let within = transfer.knots().iter().filter(|knot| (low..=high).contains(&knot.s));
-            low <= high
-                && within
-                    .map(|knot| knot.tau)
-                    .chain([low, high].map(|s| transfer.at(s).1))
-                    .any(|tau| tau > 0.0)
+            low <= high && scalars.iter().any(|[from, to]| *from <= high && *to >= low)
         };
         Self { side, count, shown: indices(count).map(|brick| shows(range(brick))).collect() }
     }

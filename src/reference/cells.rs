@@ -36,7 +36,7 @@ impl<'a> Cells<'a> {
     pub(super) fn new(grid: &'a Grid, ends: [f64; 2]) -> Self {
         let counts = grid.dims().map(|extent| num::index((extent - 1).div_ceil(BLOCK)));
         // Ranges would need all samples.
-        let counts = if matches!(grid.samples(), Samples::OnDemand(_)) { [0; 3] } else { counts };
+        let counts = if grid.is_on_demand() { [0; 3] } else { counts };
         let ranges = std::iter::repeat_with(OnceLock::new).take(counts.into_iter().product()).collect();
         Self { grid, ends, last: grid.last_index(), counts, ranges }
     }

@@ -188,9 +188,7 @@ impl GpuScene {
     /// Those of [`Self::with_data`].
     pub fn overview(self: &Arc<Self>) -> Result<Arc<Self>> {
         match &self.scene.data {
-            Data::Grid(grid) if matches!(grid.samples(), Samples::OnDemand(_)) => {
-                self.with_data(grid.overview().into_owned())
-            }
+            Data::Grid(grid) if grid.is_on_demand() => self.with_data(grid.overview().into_owned()),
             _ => Ok(Arc::clone(self)),
         }
     }
@@ -315,7 +313,7 @@ impl GpuScene {
         let grid = self.grid()?;
         let form = Form::new(&self.gpu, grid, layout, for_filter, mip)?;
         let pages = Form::new(&self.gpu, grid, Layout::Volume, for_filter, false)?;
-        if matches!(grid.samples(), Samples::OnDemand(_)) || self.gpu.page_pool().is_some() {
+        if grid.is_on_demand() || self.gpu.page_pool().is_some() {
             return Ok(Some(pages));
         }
         let fits = is_one_page(grid)

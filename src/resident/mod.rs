@@ -16,7 +16,7 @@ pub(crate) mod pages;
 pub(crate) mod splats;
 pub(crate) mod surfaces;
 pub(crate) mod tables;
-mod visible_scalars;
+pub(crate) mod visible_scalars;
 pub(crate) mod volume;
 
 pub use clock::UploadTimes;

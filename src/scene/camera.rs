@@ -294,7 +294,7 @@ impl View {
     /// on the side where the ray enters it; a mesh is clipped to it. Images of boxes that fill space, composited in visibility order, are that of the whole scene to
     /// float32's rounding. Infinite corners own all there is.
     ///
-    /// What blends otherwise is refused when the view is drawn: points, surfaces, maximum intensity projection, `shear-warp`, raster routes, and
+    /// Scenes and techniques that blend otherwise are refused when the view is drawn: points, surfaces, maximum intensity projection, `shear-warp`, raster routes, and
     /// the options `resolution` and `tolerance`.
     ///
     /// # Errors
@@ -315,6 +315,11 @@ impl View {
     pub(crate) fn clipped_to_owned(&self) -> Self {
         let Some([low, high]) = self.owned else { return *self };
         Self { clip: self.clip.cropped(low, high), owned: None, ..*self }
+    }
+
+    /// Returns the view that is clipped to that box alone.
+    pub(crate) fn of_owned(&self) -> Self {
+        self.with_clip(Clip::none()).clipped_to_owned()
     }
 
     /// Returns a view with the same size, clip region and box from another camera.

@@ -305,6 +305,12 @@ impl Grid {
         })
     }
 
+    /// Returns whether samples are read from their source when they are needed.
+    #[must_use]
+    pub fn is_on_demand(&self) -> bool {
+        matches!(*self.samples, Samples::OnDemand(_))
+    }
+
     /// Returns the grid; in place of one whose samples are read on demand, a coarser one in memory.
     #[must_use]
     pub fn overview(&self) -> Cow<'_, Self> {

@@ -45,18 +45,13 @@ fn views() -> [View; 3] {
 /// Draws with ranks that are threads, and returns what each has.
 fn drawn(scene: &Arc<GpuScene>, spec: &str, view: &View, ranks: u32) -> Vec<Result<Option<Image>>> {
     let shares = Shares::new(scene.scene(), view, ranks).unwrap();
-    std::thread::scope(|scope| {
-        let rank = |end: Threads| {
-            let (shares, technique) = (&shares, technique(spec));
-            // Of meshes and points each rank has its own part.
-            let part = match scene.scene().grid() {
-                None => GpuScene::new(scene.gpu(), shares.part(scene.scene(), view, end.rank())),
-                Some(_) => Arc::clone(scene),
-            };
-            scope.spawn(move || Ok(render(&part, technique, view, shares, &end)?.image))
+    Threads::run(ranks, |end| {
+        // Of meshes and points each rank has its own part.
+        let part = match scene.scene().grid() {
+            None => GpuScene::new(scene.gpu(), shares.part(scene.scene(), view, end.rank())),
+            Some(_) => Arc::clone(scene),
         };
-        let running: Vec<_> = Threads::new(ranks).into_iter().map(rank).collect();
-        running.into_iter().map(|thread| thread.join().unwrap()).collect()
+        Ok(render(&part, technique(spec), view, &shares, &end)?.image)
     })
 }
 
@@ -205,7 +200,7 @@ fn long_pieces_begin_in_front_of_their_boxes() {
     }
 }
 
-/// What a view is clipped to is cut off from the boxes; a box owns nothing outside.
+/// The clip planes of a view cut off the boxes, too; a box owns nothing outside of the data.
 #[test]
 fn clipped_views_are_shared_out() {
     let gpu = gpu();
@@ -236,7 +231,7 @@ fn boxes_move_with_a_plan() {
     }
 }
 
-/// What boxes cannot own is refused on every rank, in one line.
+/// Every rank refuses, in one line, scenes and techniques whose rays no boxes own pieces of.
 #[test]
 fn what_no_box_owns_is_refused() {
     let gpu = gpu();
@@ -272,17 +267,11 @@ fn what_no_box_owns_is_refused() {
     // Shares for others.
     let scene = GpuScene::new(&gpu, grid);
     let shares = Shares::new(scene.scene(), &views()[0], 3).unwrap();
-    let ends = Threads::new(2);
-    std::thread::scope(|scope| {
-        for end in ends {
-            let (scene, shares) = (&scene, &shares);
-            scope.spawn(move || {
-                let why =
-                    render(scene, technique("slabs"), &views()[0], shares, &end).unwrap_err().to_string();
-                assert!(why.contains("3 for 2 ranks"), "{why}");
-            });
-        }
-    });
+    let results = Threads::run(2, |end| render(&scene, technique("slabs"), &views()[0], &shares, &end));
+    for result in results {
+        let why = result.unwrap_err().to_string();
+        assert!(why.contains("3 for 2 ranks"), "{why}");
+    }
 }
 
 /// Samples that boxes ask for are shared out about evenly, for four scenes and several numbers of ranks; and boxes fill space.
@@ -301,6 +290,12 @@ fn work_is_shared_out_evenly() {
     let [view, ..] = views();
     for scene in all {
         let on_device = GpuScene::new(&gpu, scene.clone());
+        let renderer = Renderer::new(&on_device, technique("slabs:stop=0"));
+        let samples = |view: &View| {
+            let counts = renderer.count(view).unwrap();
+            counts.iter().find(|(key, _)| *key == "samples").map_or(0, |(_, n)| *n)
+        };
+        let alone = samples(&view);
         for ranks in taken(1, [2, 4, 7, 8]) {
             let tree = KdTree::new(&scene, &view, ranks).unwrap();
             for i in 0..200_u16 {
@@ -308,18 +303,12 @@ fn work_is_shared_out_evenly() {
                 let owns = |[low, high]: &&[DVec3; 2]| (place.cmpge(*low) & place.cmplt(*high)).all();
                 assert_eq!(tree.boxes().iter().filter(owns).count(), 1, "{place}");
             }
-            let samples = |[low, high]: &[DVec3; 2]| {
-                let view = view.with_owned(*low, *high).unwrap();
-                let counts = Renderer::new(&on_device, technique("slabs:stop=0")).count(&view).unwrap();
-                counts.iter().find(|(key, _)| *key == "samples").map_or(0, |(_, n)| *n)
-            };
-            let work: Vec<u64> = tree.boxes().iter().map(samples).collect();
+            let owned = |[low, high]: &[DVec3; 2]| samples(&view.with_owned(*low, *high).unwrap());
+            let work: Vec<u64> = tree.boxes().iter().map(owned).collect();
             let (most, sum) = (*work.iter().max().unwrap(), work.iter().sum::<u64>());
             println!("{ranks} ranks: {work:?}");
             assert!(4 * most * u64::from(ranks) <= 5 * sum, "{ranks} ranks: {work:?}");
             // Pieces are drawn once; only slabs at the sides of boxes are sampled by both, at their fronts.
-            let alone = Renderer::new(&on_device, technique("slabs:stop=0")).count(&view).unwrap();
-            let alone = alone.iter().find(|(key, _)| *key == "samples").map_or(0, |(_, n)| *n);
             assert!(sum >= alone && 2 * sum <= 3 * alone, "{sum} samples, {alone} of one process");
         }
     }
@@ -379,17 +368,10 @@ fn bytes_are_those_of_the_model() {
         };
         let seen: Vec<Vec<bool>> = order.iter().map(meets).collect();
         let model = bytes_by_model(&seen);
-        let sent = std::thread::scope(|scope| {
-            let rank = |end: Threads| {
-                let (scene, view, shares) = (&scene, &view, &shares);
-                scope.spawn(move || {
-                    let end = Counted::new(end);
-                    render(scene, technique("slabs"), view, shares, &end).unwrap();
-                    end.sent()
-                })
-            };
-            let running: Vec<_> = Threads::new(count).into_iter().map(rank).collect();
-            running.into_iter().map(|thread| thread.join().unwrap()).collect::<Vec<u64>>()
+        let sent = Threads::run(count, |end| {
+            let end = Counted::new(end);
+            render(&scene, technique("slabs"), &view, &shares, &end).unwrap();
+            end.sent()
         });
         for (place, &rank) in order.iter().enumerate().filter(|(_, rank)| **rank > 0) {
             let ratio = sent[rank as usize] as f64 / model[place] as f64;

@@ -102,7 +102,7 @@ fn processes_draw_the_image_of_one() {
     }
 }
 
-/// What fails on the ranks is said once, and nothing is written.
+/// A failure is said once, by the first process, and nothing is written.
 #[test]
 fn failures_end_all_processes_with_one_line() {
     let folder = folder();

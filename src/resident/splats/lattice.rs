@@ -8,7 +8,7 @@ use crate::num::{self, f32_of};
 use crate::optics::kernel::prefilter;
 use crate::resident::splats::space::{classified, finite};
 use crate::resident::visible_scalars::nonzero_ranges;
-use crate::scene::{Grid, Kernel, Kernels, Model, Samples, TransferFunction};
+use crate::scene::{Grid, Kernel, Kernels, Model, TransferFunction};
 
 /// Returns the visible kernels of a grid: centre and scalar, or for the density model centre, colour and extinction.
 ///
@@ -23,7 +23,7 @@ pub(crate) fn lattice(
     kernels: &Kernels,
     slab: f64,
 ) -> Result<Vec<[f32; 4]>> {
-    if matches!(grid.samples(), Samples::OnDemand(_)) {
+    if grid.is_on_demand() {
         let missing = "samples in memory: a grid that is larger is drawn by slices, slabs and rays";
         return Err(Error::unsupported("kernels of this grid", missing));
     }

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 use volraster::gpu::ValidationLog;
-use volraster::ranks::{Communicator, Counted, Mpi, Rendered, Shares, agree, render};
+use volraster::ranks::{Communicator, Counted, Mpi, Rendered, Shares, agree, gather, render};
 use volraster::scene::Scene;
 use volraster::{Error, Gpu, GpuScene, Image, Result, Technique};
 
@@ -27,7 +27,7 @@ const THREADS: &str = "LP_NUM_THREADS";
 /// The variables by which Open MPI, MPICH and Slurm tell the number of processes on a machine.
 const LOCAL_SIZES: [&str; 3] = ["OMPI_COMM_WORLD_LOCAL_SIZE", "MPI_LOCALNRANKS", "SLURM_NTASKS_PER_NODE"];
 
-/// What a rank draws with.
+/// The scene and the device of a rank, and how it draws.
 struct Prepared<'a> {
     scene: Scene,
     gpu: Gpu,
@@ -68,7 +68,9 @@ impl Args {
         stats["setup_ms"] = json!(prepare_ms);
         stats["draw_ms"] = json!(draw_ms);
         stats["validation_messages"] = json!(log.messages().len());
-        let all = gather(&ranks, &stats)?;
+        let others = gather(&ranks, || stats.to_string().into_bytes())?.unwrap_or_default();
+        let others = others.iter().map(|bytes| serde_json::from_slice(bytes).unwrap_or_default());
+        let all: Vec<Value> = std::iter::once(stats).chain(others).collect();
         let messages = all.iter().filter_map(|rank| rank["validation_messages"].as_u64()).sum::<u64>();
 
         let written = match &rendered.image {
@@ -164,18 +166,6 @@ fn of_rank(ranks: &Counted<Mpi>, rendered: &Rendered, device: &str) -> Value {
         stats[key] = json!(count);
     }
     stats
-}
-
-/// Collects what the ranks say on the first.
-fn gather(ranks: &Counted<Mpi>, stats: &Value) -> Result<Vec<Value>> {
-    let from = |rank| (rank, Vec::new());
-    if ranks.rank() > 0 {
-        ranks.exchange(&[(0, stats.to_string().into_bytes())])?;
-        return Ok(Vec::new());
-    }
-    let others = ranks.exchange(&(1..ranks.size()).map(from).collect::<Vec<_>>())?;
-    let parsed = others.iter().map(|bytes| serde_json::from_slice(bytes).unwrap_or_default());
-    Ok(std::iter::once(stats.clone()).chain(parsed).collect())
 }
 
 /// Gives a software driver this process's share of the processors, by starting the program anew where the variable is not set: the driver reads it

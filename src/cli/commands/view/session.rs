@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use volraster::choice::{self, Choice, Estimate, Goal, Profile};
 use volraster::glam::DQuat;
-use volraster::scene::{Camera, Mode, Projection, Samples, Scene, TransferFunction, View, auto};
+use volraster::scene::{Camera, Grid, Mode, Projection, Scene, TransferFunction, View, auto};
 use volraster::technique::{Frames, Method};
 use volraster::{Error, GpuScene, Renderer, Result, Technique};
 
@@ -29,7 +29,7 @@ const LEAST_ANGLE: f64 = 1.0;
 #[derive(Debug)]
 pub(super) struct Session {
     scene: Arc<GpuScene>,
-    /// The scene that pictures before the complete one show, once there was one.
+    /// The scene of pictures before the complete one, of a grid that is drawn in parts; once there was one.
     overview: Option<Arc<GpuScene>>,
     view: View,
     /// The camera at the beginning.
@@ -184,24 +184,25 @@ impl Session {
 
     /// Returns whether the complete picture is drawn in parts, between which samples are read. Until then an overview is shown.
     fn is_in_parts(&self) -> bool {
-        self.scene().grid().is_some_and(|grid| matches!(grid.samples(), Samples::OnDemand(_)))
+        self.scene().grid().is_some_and(Grid::is_on_demand)
     }
 
     /// Draws the picture at a level, or a part of it.
     fn draw(&mut self, level: usize) -> Result<()> {
         let [width, height] = reduced(self.view.extent(), level);
         let view = View::new(*self.view.camera(), width, height)?.with_clip(*self.view.clip());
+        let in_parts = self.is_in_parts();
         if self.plans[level].as_ref().is_none_or(|(setup, _)| *setup != self.setup) {
-            if level > 0 && self.overview.is_none() {
+            let coarse = in_parts && level > 0;
+            if coarse && self.overview.is_none() {
                 self.overview = Some(self.scene.overview()?);
             }
-            let scene = self.overview.as_ref().filter(|_| level > 0).unwrap_or(&self.scene);
+            let scene = self.overview.as_ref().filter(|_| coarse).unwrap_or(&self.scene);
             let frames = Renderer::new(scene, coarser(&self.technique, side(level))?).frames(&view)?;
             self.plans[level] = Some((self.setup, frames));
         }
-        let in_parts = level == 0 && self.is_in_parts();
         let Some((_, frames)) = &mut self.plans[level] else { return Ok(()) };
-        if !in_parts {
+        if !in_parts || level > 0 {
             frames.draw(&view)?;
         } else if frames.draw_part(&view)?.is_none() {
             return Ok(());

@@ -283,8 +283,8 @@ impl Image {
         &self.labels
     }
 
-    /// Returns the axes of an array of the image with so many axes, and the names that it gives them: those of the image, those that the array names, or the usual ones. The last three are those
-    /// of space, x fastest.
+    /// Returns the axes of an array of the image that has so many, and `names` for them: those of the image, those that the array names, or the
+    /// usual ones. The last three are those of space, x fastest.
     pub(super) fn axes_of(&self, count: usize, names: Option<Vec<&str>>) -> Result<Vec<Axis>> {
         if !(3..=MAX_AXES).contains(&count) {
             let rule = format!("{count} axes: must be 3 to {MAX_AXES}, z, y and x last");
