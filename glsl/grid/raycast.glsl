@@ -41,12 +41,12 @@ struct Segments {
     float begin; // the depth up to which the tile shows nothing
 };
 
-// Divides an interval of a ray, of which the depths `shown` show anything, into segments of length `spacing`, in units of the smallest voxel
-// spacing.
-Segments segments_of(Ray ray, vec2 interval, vec2 shown, float spacing) {
+// Divides an interval of a pixel's ray into segments of length `spacing`, in units of the smallest voxel spacing.
+Segments segments_of(Ray ray, vec2 interval, ivec2 pixel, float spacing) {
     float h = spacing * push.unit / ray.length_per_depth;
     float z0 = interval.x;
     float segments = interval.x < interval.y ? ceil((interval.y - z0) / h) : 0.0;
+    vec2 shown = shown_of(interval, pixel);
     return Segments(z0, h, floor((shown.x - z0) / h) - 1.0, min(segments, ceil((shown.y - z0) / h) + 1.0), shown.x);
 }
 
@@ -122,13 +122,10 @@ void main() {
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
     float spacing = step_of(pixel);
-    vec2 shown = shown_of(interval, pixel);
-    Segments all = segments_of(ray, interval, owned_of(shown, pixel), spacing);
-    // A piece may begin in front of the part that owns it.
-    all.begin = shown.x;
+    Segments all = segments_of(ray, interval, pixel, spacing);
     float begin = float(push.first), end = float(push.first + push.count);
-    uvec2 range = uvec2(min(max(all.first, begin), end), clamp(all.end, 0.0, end));
-    KEEP_OWNED(range, segment(all, i, range.y, interval.y))
+    uvec2 range = uvec2(max(all.first, begin), clamp(all.end, 0.0, end));
+    KEEP_OWNED(range, segment(all, i, range.y, interval.y), pixel)
     uvec2 ahead_of = slabs_ahead(range);
 
     float transmittance;
@@ -161,7 +158,7 @@ void main() {
     ivec2 pixel = min(ivec2(int(tile) % tiles.x, int(tile) / tiles.x) * TILE + TILE / 2, extent - 1);
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
-    Segments all = segments_of(ray, interval, shown_of(interval, pixel), spacing);
+    Segments all = segments_of(ray, interval, pixel, spacing);
 
     float transmittance = 1.0;
     vec4 sum = vec4(0.0);

@@ -22,9 +22,9 @@ vec2 slab_piece(float begin, float end, vec2 interval) {
 #ifdef COMPUTE
 #include "grid/owned.glsl"
 
-// Returns those of the slabs [x, y) that belong to the part of space, whose ends they may reach beyond.
-uvec2 owned_slabs(uvec2 slabs, vec2 interval) {
-    KEEP_OWNED(slabs, slab_piece(slab_begin(i), slab_begin(i + 1u), interval))
+// Returns those of the slabs [x, y) on the ray of a pixel that belong to the part of space.
+uvec2 owned_slabs(uvec2 slabs, vec2 interval, ivec2 pixel) {
+    KEEP_OWNED(slabs, slab_piece(slab_begin(i), slab_begin(i + 1u), interval), pixel)
     return slabs;
 }
 #endif

@@ -86,7 +86,7 @@ void main() {
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
     vec2 shown = shown_of(interval, pixel);
-    uvec2 all = owned_slabs(slabs_of(owned_of(shown, pixel)), interval), slabs = slabs_ahead(all);
+    uvec2 all = owned_slabs(slabs_of(shown), interval, pixel), slabs = slabs_ahead(all);
 
     // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();

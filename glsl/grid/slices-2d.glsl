@@ -133,7 +133,7 @@ void main() {
     // The slabs from where the ray enters to where it leaves, up or down the stack, with one more at each end against rounding: it
     // has no length on the ray. `turn` counts slabs along the ray.
     float slabs = ceil((lattice.half_size.z - z0) / h);
-    vec2 shown = owned_of(shown_of(interval, pixel), pixel);
+    vec2 shown = shown_of(interval, pixel);
     vec2 place = (fma(shown, vec2(ray.d.z), vec2(ray.q.z)) - z0) / h;
     bool down = ray.d.z < 0.0;
     float begin = clamp(floor(place.x) + (down ? 1.0 : -1.0), 0.0, slabs - 1.0);
@@ -141,7 +141,7 @@ void main() {
     uint turns = shown.x < shown.y ? uint(abs(end - begin)) + 1u : 0u;
     uint first_slab = uint(begin);
     uvec2 all = uvec2(push.first, min(turns, push.first + push.count));
-    KEEP_OWNED(all, slab_piece(down ? first_slab - i : first_slab + i, ray, interval, z0, h))
+    KEEP_OWNED(all, slab_piece(down ? first_slab - i : first_slab + i, ray, interval, z0, h), pixel)
     uvec2 turns_ahead = slabs_ahead(all);
     uint turn = turns_ahead.x, last = turns_ahead.y;
 

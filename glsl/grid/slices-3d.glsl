@@ -84,7 +84,7 @@ void main() {
     if (!own_pixel(pixel)) return;
     Ray ray = ray_of(vec2(pixel) + 0.5);
     vec2 interval = interval_of(ray, vec2(pixel));
-    uvec2 all = owned_slabs(slabs_of(owned_of(shown_of(interval, pixel), pixel)), interval), slabs = slabs_ahead(all);
+    uvec2 all = owned_slabs(slabs_of(shown_of(interval, pixel)), interval, pixel), slabs = slabs_ahead(all);
 
     // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();
