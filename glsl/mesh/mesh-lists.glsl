@@ -51,7 +51,8 @@ void main() {
         // Devices may end a loop that takes too many turns.
         if (base < walk.end) atomicAdd(status[STATUS_CUT], 1u);
     }
-    cursors[own.in_band * TILE_PIXELS + gl_LocalInvocationIndex] = number;
+    if (push.number != 0u) number += cursors[cursor_of(own)];
+    cursors[cursor_of(own)] = number;
 }
 #endif
 
@@ -61,7 +62,7 @@ layout(set = 0, binding = BINDING_LISTS, std430) writeonly buffer Lists { uvec2 
 void main() {
     OwnPixel own = own_pixel();
     if (!has_list(own)) return;
-    uint pixel = gl_LocalInvocationIndex, cursor = own.in_band * TILE_PIXELS + pixel, slot = cursors[cursor];
+    uint pixel = gl_LocalInvocationIndex, cursor = cursor_of(own), slot = cursors[cursor];
     FaceLine line = face_line(own);
     Walk walk = walk_through(own.in_band, pixel, 0u, 0xffffffffu);
     while (has_pair(walk) && slot < push.capacity) {

@@ -94,7 +94,7 @@ void main() {
     vec2 margin = vec2(0.01) + abs(places.zw - places.xy) * 1e-6;
     uvec2 low = uvec2(clamp(ceil(places.xy - 0.5 - margin), vec2(0.0), 2.0 * push.half_extent));
     uvec2 high = uvec2(clamp(floor(places.zw + 0.5 + margin), vec2(0.0), 2.0 * push.half_extent));
-    bool there = all(lessThan(low, high));
+    bool there = all(lessThan(low, high)) && (CELLS || (first & (FACE_AHEAD | FACE_BEHIND)) != 0u);
     boxes[i] = there ? uvec2(low.x | high.x << 16, low.y | high.y << 16) : uvec2(0u);
 
     if (BY_PLANES) {

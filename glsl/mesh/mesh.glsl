@@ -24,8 +24,8 @@ layout(push_constant) uniform MeshPush {
     float slope;      // tangent of the angle between line and axis, for a unit of P
     float unit;       // radius of the mesh, world units
     uint count;       // primitives, or points
-    uint first;       // of what this dispatch does
-    uint number;
+    uint first;       // of what this dispatch does; of lists the first tile
+    uint number;      // of what it does; of lists 1 to add to what was counted before
     uint capacity;    // entries that a list has room for
     uint band;        // first tile of the band
     uint knots;

@@ -26,6 +26,11 @@ OwnPixel own_pixel() {
     return own;
 }
 
+// Place of the end of the pixel's list, among those of the tiles from `first` on.
+uint cursor_of(OwnPixel own) {
+    return own.word - push.first * TILE_PIXELS;
+}
+
 // Opacity at which a line ends; from behind it does not end.
 float end_of_line(bool back_to_front) {
     return back_to_front ? 2.0 : 1.0 - push.opaque;

@@ -14,7 +14,7 @@ struct PixelList {
 
 PixelList list_of(OwnPixel own) {
     // After the lists are written, each cursor is where its list ends.
-    uint slot = own.in_band * TILE_PIXELS + gl_LocalInvocationIndex;
+    uint slot = cursor_of(own);
     PixelList list;
     list.begin = slot == 0u ? 0u : min(cursors[slot - 1u], push.capacity);
     list.end = min(cursors[slot], push.capacity);

@@ -91,6 +91,8 @@ pub struct Plan {
     target: TargetDesc,
     /// Last uses of the image and of the overflow words in the last recording.
     last_uses: [Option<Use>; 2],
+    /// Images that a recording may go on with, with their last uses.
+    kept: Vec<(Arc<Image>, Use)>,
     pub(crate) extent: [u32; 2],
     /// Shared with the recording in flight.
     in_flight: Arc<()>,
@@ -114,8 +116,8 @@ pub struct RecordInfo<'a> {
 /// The report of a completed recording. `Send` and `Sync`.
 #[derive(Clone, Debug)]
 pub struct Status {
-    /// Whether everything was drawn. `false` when data of a grid in pages was missing: [`Plan::load`] it, and record again; else when a buffer
-    /// was too small: prepare anew, which allocates more, and record again.
+    /// Whether everything was drawn. `false` when data of a grid in pages was missing, or parts of a mesh are still to come: [`Plan::load`] them,
+    /// and record again; else when a buffer was too small: prepare anew, which allocates more, and record again.
     pub complete: bool,
     /// Passes with their times on the device, in the order of recording. Empty where the device has no timestamps, and for
     /// [`TargetDesc::without_times`].
@@ -280,6 +282,7 @@ impl Plan {
             composite,
             target: *target,
             last_uses: [None; 2],
+            kept: Vec::new(),
             extent: view.extent(),
             in_flight: Arc::new(()),
         };
@@ -447,6 +450,11 @@ impl Plan {
     fn steps_of(&mut self, commands: &CommandBuffer, info: &RecordInfo<'_>) -> Result<Vec<Step>> {
         let &RecordInfo { target, depth, hit_depths, .. } = info;
         let mut recorder = Recorder::new(&self.gpu, commands, None);
+        if self.prepared.resumes() {
+            for (image, last) in &self.kept {
+                recorder.assume_after(image, *last);
+            }
+        }
         self.record_begin(&mut recorder);
         if let Some(owned) = &self.owned {
             owned.record_planes(&mut recorder);
@@ -462,6 +470,8 @@ impl Plan {
             self.final_image().and_then(|image| used(Used::Image(Arc::clone(image)))),
             self.prepared.overflow().and_then(|words| used(Used::Buffer(Arc::clone(words)))),
         ];
+        let last = |image: Arc<Image>| used(Used::Image(Arc::clone(&image))).map(|last| (image, last));
+        self.kept = self.prepared.kept().into_iter().filter_map(last).collect();
         let counted = passes(&steps);
         debug_assert!(counted <= self.most_passes, "{counted} passes, {} timers", self.most_passes);
         debug_assert!(
@@ -566,9 +576,9 @@ impl Plan {
         Ok(true)
     }
 
-    /// Loads what the last recording lacked of a grid that is kept in pages, since the device has no room for the whole. Returns whether a
-    /// recording of the same view goes on with the image: until every ray has ended, it shows what rays have met so far, front to back.
-    /// Reads the source of the data, submits and waits.
+    /// Loads what the last recording lacked of a grid that is kept in pages, or the next part of a mesh that is drawn in parts, since the device
+    /// has no room for the whole. Returns whether a recording of the same view goes on with the image: until every ray has ended, it shows
+    /// what rays have met so far, in the order of compositing. Reads the source of the data, submits and waits.
     ///
     /// # Errors
     ///

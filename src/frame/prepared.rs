@@ -51,6 +51,10 @@ pub(crate) trait Prepared: std::fmt::Debug + Send + Sync {
     fn resumes(&self) -> bool {
         false
     }
+    /// The images, beside buffers, that such a recording goes on with.
+    fn kept(&self) -> Vec<Arc<Image>> {
+        self.image().cloned().into_iter().collect()
+    }
     /// The status of a frame, to be read when it has ended.
     fn outcome(&self) -> Option<Arc<dyn Outcome>> {
         None

@@ -244,8 +244,9 @@ impl SurfaceFrame {
         let SurfaceLists { stage, band, hits, lists, push, tiles, .. } = &self.lists;
         stage.record(recorder, push);
         hits.record(recorder, push, *band, Some(&self.outcome.bins));
-        lists.record_count(recorder, push, 0, Some(&self.outcome.lists));
-        lists.record_fill(recorder, push, 0);
+        lists.record_count(recorder, push, *band, false);
+        lists.record_places(recorder, 0, Some(&self.outcome.lists));
+        lists.record_fill(recorder, push, *band);
         self.resolve.record(recorder, &self.push, groups_of(*tiles, 1));
         let bytes = self.outcome.status.size();
         recorder.copy_buffer("surfaces.status", &stage.status, &self.outcome.status, bytes);

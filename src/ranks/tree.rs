@@ -8,10 +8,8 @@ use crate::error::{Error, Result};
 use crate::gpu::shader::BRICK;
 use crate::num;
 use crate::resident::visible_scalars::nonzero_ranges;
+use crate::scene::boxes::{Boxes, Item};
 use crate::scene::{Data, Grid, Scene, TransferFunction, View};
-
-/// Places along an axis at which a box may be cut.
-const PLACES: usize = 1024;
 
 /// Most samples along an axis that tell the work.
 const MOST_SAMPLES: u32 = 128;
@@ -27,20 +25,7 @@ const NEAREST: f64 = 0.02;
 
 /// Boxes of about the same visible work, one per rank, that fill space.
 #[derive(Clone, Debug, PartialEq)]
-pub struct KdTree {
-    root: Node,
-    boxes: Vec<[DVec3; 2]>,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-enum Node {
-    Rank(u32),
-    /// A plane across an axis, with what lies below and above.
-    Plane(usize, f64, Box<[Node; 2]>),
-}
-
-/// A place and the work that it is.
-type Item = (DVec3, f64);
+pub struct KdTree(Boxes);
 
 impl KdTree {
     /// Cuts space for so many ranks: by samples of a grid, or of its overview where they are read on demand, that the transfer function
@@ -85,24 +70,19 @@ impl KdTree {
         let hidden = HIDDEN * if most > 0.0 { most } else { 1.0 };
         let mut items: Vec<Item> =
             found.into_iter().map(|(place, work)| (place, work.unwrap_or(hidden))).collect();
-        let mut boxes = Vec::new();
-        let all = [DVec3::NEG_INFINITY, DVec3::INFINITY];
-        let root = cut(&mut items, ranks, all, &mut boxes);
-        Ok(Self { root, boxes })
+        Ok(Self(Boxes::new(&mut items, ranks)))
     }
 
     /// Returns the least and the greatest corner of the box of each rank; the outer sides are infinite.
     #[must_use]
     pub fn boxes(&self) -> &[[DVec3; 2]] {
-        &self.boxes
+        self.0.boxes()
     }
 
     /// Returns the ranks in visibility order: along any ray of a view it meets their boxes in this order.
     #[must_use]
     pub fn order(&self, view: &View) -> Vec<u32> {
-        let mut order = Vec::new();
-        self.root.walk(view, &mut order);
-        order
+        self.0.order(view)
     }
 }
 
@@ -183,88 +163,4 @@ impl Bricks {
         let [width, height, _] = self.count;
         self.shown[num::index((z * height + y) * width + x)]
     }
-}
-
-impl Node {
-    fn walk(&self, view: &View, order: &mut Vec<u32>) {
-        match self {
-            Self::Rank(rank) => order.push(*rank),
-            Self::Plane(axis, at, sides) => {
-                // Rays run from the side of the eye, or all one way.
-                let upwards = if view.is_perspective() {
-                    view.camera().eye[*axis] < *at
-                } else {
-                    view.forward()[*axis] > 0.0
-                };
-                let [near, far] = if upwards { [0, 1] } else { [1, 0] };
-                sides[near].walk(view, order);
-                sides[far].walk(view, order);
-            }
-        }
-    }
-}
-
-/// Cuts a box, which these items lie in, for so many ranks.
-fn cut(items: &mut [Item], ranks: u32, [low, high]: [DVec3; 2], boxes: &mut Vec<[DVec3; 2]>) -> Node {
-    if ranks == 1 {
-        boxes.push([low, high]);
-        return Node::Rank(num::count(boxes.len()) - 1);
-    }
-    let below = ranks / 2;
-    let (axis, at) = plane(items, f64::from(below) / f64::from(ranks), [low, high]);
-    let middle = partition(items, |(place, _)| place[axis] < at);
-    let (left, right) = items.split_at_mut(middle);
-    let (mut end, mut begin) = (high, low);
-    (end[axis], begin[axis]) = (at, at);
-    let left = cut(left, below, [low, end], boxes);
-    let right = cut(right, ranks - below, [begin, high], boxes);
-    Node::Plane(axis, at, Box::new([left, right]))
-}
-
-/// Returns the plane across the longest axis of the items that leaves a share of their work below it.
-fn plane(items: &[Item], share: f64, [low, high]: [DVec3; 2]) -> (usize, f64) {
-    let first = items.iter().fold(DVec3::INFINITY, |least, (place, _)| least.min(*place));
-    let last = items.iter().fold(DVec3::NEG_INFINITY, |most, (place, _)| most.max(*place));
-    let extent = last - first;
-    let axis = extent.max_position();
-    if items.is_empty() || extent[axis] <= 0.0 {
-        // No work, or all at one place: any plane that cuts the box.
-        let at = [low[axis], high[axis]].into_iter().filter(|side| side.is_finite()).sum::<f64>();
-        let both = low[axis].is_finite() && high[axis].is_finite();
-        return (
-            axis,
-            if both {
-                0.5 * at
-            } else if low[axis].is_finite() {
-                at + 1.0
-            } else {
-                at - 1.0
-            },
-        );
-    }
-    let mut work = vec![0.0; PLACES];
-    for (place, weight) in items {
-        let bin = (place[axis] - first[axis]) / extent[axis] * num::f64_of(PLACES);
-        work[num::index(num::u32_of(bin)).min(PLACES - 1)] += weight;
-    }
-    let wanted = share * work.iter().sum::<f64>();
-    let mut sum = 0.0;
-    let mut best = (f64::INFINITY, 1);
-    for (i, weight) in work.iter().enumerate().take(PLACES - 1) {
-        sum += weight;
-        best = if (sum - wanted).abs() < best.0 { ((sum - wanted).abs(), i + 1) } else { best };
-    }
-    (axis, first[axis] + extent[axis] * num::f64_of(best.1) / num::f64_of(PLACES))
-}
-
-/// Moves the items that a test accepts to the front; returns their number.
-fn partition(items: &mut [Item], accepts: impl Fn(&Item) -> bool) -> usize {
-    let mut next = 0;
-    for i in 0..items.len() {
-        if accepts(&items[i]) {
-            items.swap(i, next);
-            next += 1;
-        }
-    }
-    next
 }

@@ -37,7 +37,9 @@ impl<K: Eq + Hash, V: Clone> Cache<K, V> {
 
     /// Returns whether the value of a key is known, or is being built.
     pub(crate) fn has(&self, key: &K) -> bool {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).contains_key(key)
+        let slots = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        // A value that is being built holds the lock; one whose build has failed is not there.
+        slots.get(key).is_some_and(|slot| slot.try_lock().map_or(true, |value| value.is_some()))
     }
 }
 

@@ -12,7 +12,8 @@ use crate::resident::bricks::{BrickRanges, VisibleBricks, greatest_scalars};
 use crate::resident::cache::Cache;
 use crate::resident::clock::{Clock, UploadTimes};
 use crate::resident::light;
-use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives};
+use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives, drawn_cells};
+use crate::resident::mesh_parts::MeshParts;
 use crate::resident::pages::{BrickWords, PagePool, PageTable, is_one_page};
 use crate::resident::splats::trained::TrainedSet;
 use crate::resident::splats::{SplatNeeds, SplatSet};
@@ -74,6 +75,8 @@ struct VisibleData {
     pages: Cache<(Form, Option<u32>), Arc<PageTable>>,
     /// Faces or cells that are drawn; with a margin only those of visible cells.
     primitives: Cache<(Primitives, Option<u32>), DrawnPrimitives>,
+    /// The same in so many parts.
+    parts: Cache<(Primitives, Option<u32>, u32), Arc<MeshParts>>,
     /// Visible kernels, by kernel and the largest thickness of sheets in steps of the data.
     splats: Cache<(Kernel, Model, [u64; 4]), Arc<SplatSet>>,
     trained: Cache<(), Arc<TrainedSet>>,
@@ -248,6 +251,32 @@ impl GpuScene {
         self.visible.primitives.get((kind, margin.map(f32::to_bits)), || {
             self.clock.upload(|| {
                 DrawnPrimitives::new(&self.gpu, mesh, &self.mesh, &self.scene.transfer, kind, margin)
+            })
+        })
+    }
+
+    /// Whether the device has the faces or cells that [`Self::primitives`] returns.
+    pub(crate) fn has_primitives(&self, kind: Primitives, margin: Option<f32>) -> bool {
+        self.visible.primitives.has(&(kind, margin.map(f32::to_bits)))
+    }
+
+    /// Returns the number of cells of the mesh that are drawn.
+    pub(crate) fn drawn_cell_count(&self, margin: Option<f32>) -> Result<u64> {
+        let drawn = drawn_cells(self.mesh()?, &self.scene.transfer, margin);
+        Ok(drawn.into_iter().map(u64::from).sum())
+    }
+
+    /// Returns the faces or cells of the mesh that are drawn, in `count` parts, as [`Self::primitives`] takes `margin`.
+    pub(crate) fn mesh_parts(
+        &self,
+        kind: Primitives,
+        margin: Option<f32>,
+        count: u32,
+    ) -> Result<Arc<MeshParts>> {
+        let mesh = self.mesh()?;
+        self.visible.parts.get((kind, margin.map(f32::to_bits), count), || {
+            self.clock.upload(|| {
+                MeshParts::new(mesh, &self.mesh, &self.scene.transfer, kind, margin, count).map(Arc::new)
             })
         })
     }

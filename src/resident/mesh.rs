@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::error::Result;
@@ -31,7 +32,7 @@ pub(crate) struct MeshData {
     topology: Cache<(), Arc<Topology>>,
     scalars: Cache<(), Arc<Buffer>>,
     /// Capacities that frames have needed so far, of faces and of cells.
-    needs: [Mutex<Needs>; 2],
+    needs: [Arc<Mutex<Needs>>; 2],
 }
 
 /// Capacities that frames have needed.
@@ -55,7 +56,7 @@ pub(crate) struct Needs {
 
 impl MeshData {
     /// Returns the capacities that frames of faces, or of cells, have needed so far.
-    pub(crate) fn needs(&self, kind: Primitives) -> &Mutex<Needs> {
+    pub(crate) fn needs(&self, kind: Primitives) -> &Arc<Mutex<Needs>> {
         let [faces, cells] = &self.needs;
         if kind == Primitives::Faces { faces } else { cells }
     }
@@ -69,12 +70,7 @@ impl MeshData {
     pub(crate) fn points(&self, gpu: &Gpu, mesh: &Tets) -> Result<Arc<Buffer>> {
         self.points.get((), || {
             let space = LocalSpace::of(mesh);
-            // Points that no cell uses may be infinite.
-            let place = |point: &glam::DVec3| {
-                let [x, y, z] = space.place(*point).map(|x| if x.is_finite() { x } else { 0.0 });
-                [x, y, z, 0.0]
-            };
-            let points: Vec<[f32; 4]> = mesh.points().iter().map(place).collect();
+            let points: Vec<[f32; 4]> = mesh.points().iter().map(|&point| local_point(&space, point)).collect();
             Buffer::with_data(gpu, "mesh.points", bytemuck::cast_slice(&points))
         })
     }
@@ -93,11 +89,18 @@ impl MeshData {
     }
 }
 
+/// Returns a point as the device stores it.
+pub(super) fn local_point(space: &LocalSpace, point: DVec3) -> [f32; 4] {
+    // Points that no cell uses may be infinite.
+    let [x, y, z] = space.place(point).map(|x| if x.is_finite() { x } else { 0.0 });
+    [x, y, z, 0.0]
+}
+
 /// Returns for each cell whether it is drawn.
 ///
 /// A cell that touches a NaN is vacuum. With `margin`, cells without extinction are skipped; it is the distance, in
 /// scalars, by which an integrator smears extinction.
-fn drawn_cells(mesh: &Tets, transfer: &TransferFunction, margin: Option<f32>) -> Vec<bool> {
+pub(super) fn drawn_cells(mesh: &Tets, transfer: &TransferFunction, margin: Option<f32>) -> Vec<bool> {
     let (ends, ranges) = (transfer.domain(), nonzero_ranges(transfer));
     let shows = |cell: usize| {
         let corners: [f32; 4] = match mesh.scalars() {
@@ -209,7 +212,7 @@ fn upload<T: bytemuck::Pod>(gpu: &Gpu, name: &str, data: &[T]) -> Result<Arc<Buf
 
 /// Returns a scalar as the device stores it: infinities become the ends of the transfer function, and NaN, which no
 /// drawn cell has, 0.
-fn stored(s: f32, ends: [f64; 2]) -> f32 {
+pub(super) fn stored(s: f32, ends: [f64; 2]) -> f32 {
     match s {
         f32::INFINITY => f32_of(ends[1]),
         f32::NEG_INFINITY => f32_of(ends[0]),

@@ -11,6 +11,7 @@ mod gpu_scene;
 mod light;
 pub(crate) mod local_space;
 pub(crate) mod mesh;
+pub(crate) mod mesh_parts;
 mod mips;
 pub(crate) mod pages;
 pub(crate) mod splats;

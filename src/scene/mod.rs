@@ -9,6 +9,7 @@
 mod affine;
 pub mod auto;
 mod axes;
+pub(crate) mod boxes;
 mod camera;
 #[cfg(feature = "io")]
 mod cells;

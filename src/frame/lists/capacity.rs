@@ -8,7 +8,7 @@ use crate::frame::lists::fragments::{Lists, entry_words};
 use crate::frame::lists::hits::Hits;
 use crate::frame::lists::ranking::Ranking;
 use crate::gpu::shader::{TILE, TILE_PIXELS};
-use crate::gpu::{Commands, Gpu};
+use crate::gpu::{Commands, Gpu, Recorder};
 use crate::interface::MeshPush;
 use crate::primitives::bins::{Bins, Fill, MOST_ENTRIES, with_margin};
 use crate::primitives::dispatch::{download, total};
@@ -16,11 +16,11 @@ use crate::resident::mesh::Needs;
 
 /// The capacities of a view, with its bins.
 #[derive(Debug)]
-pub(crate) struct Measured {
+pub(crate) struct Measured<B = Vec<Band>> {
     pub(crate) needs: Needs,
     pub(crate) bins: Arc<Bins>,
     /// Tiles whose bins fit a buffer together.
-    pub(crate) bands: Vec<Band>,
+    pub(crate) bands: B,
 }
 
 /// Largest number of tiles of a band: prefix sums over their pixels take no more words.
@@ -49,11 +49,42 @@ pub(crate) fn measure(
     [tiles, across]: [u32; 2],
     flagged: bool,
 ) -> Result<Measured> {
-    let fill = Fill::measure(gpu, ranking.name, &ranking.ranked(), [tiles, across], |recorder| {
-        ranking.record(recorder, push);
-    })?;
+    let fill = measure_fill(gpu, ranking, [tiles, across], |recorder| ranking.record(recorder, push))?;
+    let Measured { needs, bins, mut bands } = measured(gpu, ranking, known, &[fill], tiles, flagged)?;
+    Ok(Measured { needs, bins, bands: bands.pop().unwrap_or_default() })
+}
+
+/// Counts the entries of the bin of each tile, after the passes that `stage` records, which rank the primitives.
+///
+/// # Errors
+///
+/// Those of [`Fill::measure`].
+pub(crate) fn measure_fill(
+    gpu: &Gpu,
+    ranking: &Ranking,
+    [tiles, across]: [u32; 2],
+    stage: impl FnOnce(&mut Recorder<'_>),
+) -> Result<Fill> {
+    Fill::measure(gpu, ranking.name, &ranking.ranked(), [tiles, across], stage)
+}
+
+/// Finds the bands of each of several lots of primitives that are drawn one after the other, from the entries of their bins, and makes bins
+/// for any of them.
+///
+/// # Errors
+///
+/// As [`measure`].
+pub(crate) fn measured(
+    gpu: &Gpu,
+    ranking: &Ranking,
+    known: &Mutex<Needs>,
+    fills: &[Fill],
+    tiles: u32,
+    flagged: bool,
+) -> Result<Measured<Vec<Vec<Band>>>> {
     let mut needs = *known.lock().unwrap_or_else(PoisonError::into_inner);
-    needs.longest_bin = with_margin(fill.longest().max(needs.longest_bin));
+    let longest = fills.iter().map(Fill::longest).max().unwrap_or(0);
+    needs.longest_bin = with_margin(longest.max(needs.longest_bin));
     needs.rounds = needs.rounds.max(1);
     let bytes = u64::from(gpu.limits().max_storage_buffer_range);
     // Masks and hits take 8 bytes a pair. Bands fit what a descriptor shows; one tile may need more.
@@ -66,18 +97,23 @@ pub(crate) fn measure(
         if too_many { bound.min(most_listed / u64::from(needs.listed_per_pair.max(1))) } else { bound };
     let widest =
         u32::try_from(bytes / 4 / u64::from(TILE_PIXELS)).unwrap_or(u32::MAX).min(MOST_TILES).min(tiles);
-    let entries = fill.tiles.iter().map(|&entries| u64::from(entries));
-    let (bands, fullest) = cut_into_bands(entries, [soft, hard], widest).map_err(|count| {
-        Error::unsupported(
-            format!("{} of this view", ranking.name),
-            format!("{count} primitives in one tile of {TILE} pixels; {hard} fit a buffer"),
-        )
-    })?;
+    let bands_of = |fill: &Fill| {
+        let entries = fill.tiles.iter().map(|&entries| u64::from(entries));
+        cut_into_bands(entries, [soft, hard], widest).map_err(|count| {
+            Error::unsupported(
+                format!("{} of this view", ranking.name),
+                format!("{count} primitives in one tile of {TILE} pixels; {hard} fit a buffer"),
+            )
+        })
+    };
+    let found = fills.iter().map(bands_of).collect::<Result<Vec<_>>>()?;
+    let fullest = found.iter().map(|(_, fullest)| *fullest).max().unwrap_or(0);
+    let bands: Vec<Vec<Band>> = found.into_iter().map(|(bands, _)| bands).collect();
     let in_32_bits = |entries: u64| u32::try_from(entries).unwrap_or(u32::MAX);
-    let known = if bands.len() == 1 { needs.bins.min(in_32_bits(soft)) } else { 0 };
+    let known = if bands.iter().all(|bands| bands.len() == 1) { needs.bins.min(in_32_bits(soft)) } else { 0 };
     needs.bins = with_margin(in_32_bits(fullest).max(known));
     needs.lists = with_margin(needs.lists).max(FLAGGED_ENTRIES).min(in_32_bits(most_listed));
-    let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
+    let widest = bands.iter().flatten().map(|band| band.tiles).max().unwrap_or(1);
     let bins = ranking.bins(gpu, widest, needs.bins, flagged)?;
     Ok(Measured { needs, bins, bands })
 }
@@ -100,7 +136,8 @@ pub(crate) fn measure_lists(
     Commands::new(gpu)?.run(ranking.name, |recorder| {
         ranking.record(recorder, push);
         hits.record(recorder, push, band, None);
-        lists.record_count(recorder, push, 0, Some(&host));
+        lists.record_count(recorder, push, band, false);
+        lists.record_places(recorder, 0, Some(&host));
     })?;
     let (count, most) = (total(&host)?, most_entries(gpu, ranking));
     match u32::try_from(count) {

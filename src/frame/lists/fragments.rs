@@ -78,21 +78,22 @@ impl Lists {
         })
     }
 
-    /// Returns the push constants of passes over the lists of a band.
-    pub(crate) fn push(&self, push: &MeshPush, Band { first, tiles }: Band) -> MeshPush {
-        MeshPush { count: tiles, band: first, capacity: self.capacity, ..*push }
+    /// Returns the push constants of passes over the lists of tiles, which belong to the lists of a band.
+    pub(crate) fn push(&self, push: &MeshPush, tiles: Band) -> MeshPush {
+        let holds = |band: &&Band| tiles.first.wrapping_sub(band.first) < band.tiles;
+        let first = self.bands.iter().find(holds).map_or(tiles.first, |band| band.first);
+        MeshPush { count: tiles.tiles, band: tiles.first, first, number: 0, capacity: self.capacity, ..*push }
     }
 
-    /// Records the passes that count the lists of a band, and a copy of the number of their entries to `total`.
-    pub(crate) fn record_count(
-        &self,
-        recorder: &mut Recorder<'_>,
-        push: &MeshPush,
-        band: usize,
-        total: Option<&Arc<Buffer>>,
-    ) {
-        let (Some(&tiles), Some(scan)) = (self.bands.get(band), self.scans.get(band)) else { return };
-        self.count.record(recorder, &self.push(push, tiles), groups_of(tiles.tiles, 1));
+    /// Records the pass that counts the entries of tiles; with `adds` to those that were counted before.
+    pub(crate) fn record_count(&self, recorder: &mut Recorder<'_>, push: &MeshPush, tiles: Band, adds: bool) {
+        let push = MeshPush { number: adds.into(), ..self.push(push, tiles) };
+        self.count.record(recorder, &push, groups_of(tiles.tiles, 1));
+    }
+
+    /// Records the prefix sum over the counts of a band, and a copy of the number of its entries to `total`.
+    pub(crate) fn record_places(&self, recorder: &mut Recorder<'_>, band: usize, total: Option<&Arc<Buffer>>) {
+        let Some(scan) = self.scans.get(band) else { return };
         scan.record(recorder);
         if let Some(total) = total {
             recorder.copy_buffer("lists.total", scan.total(), total, 8);
@@ -100,9 +101,8 @@ impl Lists {
         }
     }
 
-    /// Records the pass that writes the lists of a band.
-    pub(crate) fn record_fill(&self, recorder: &mut Recorder<'_>, push: &MeshPush, band: usize) {
-        let Some(&tiles) = self.bands.get(band) else { return };
+    /// Records the pass that appends what pixels of tiles meet to their lists.
+    pub(crate) fn record_fill(&self, recorder: &mut Recorder<'_>, push: &MeshPush, tiles: Band) {
         self.fill.record(recorder, &self.push(push, tiles), groups_of(tiles.tiles, 1));
     }
 }

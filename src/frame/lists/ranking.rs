@@ -167,14 +167,23 @@ impl Ranking {
 
     /// Records every step: points, boxes and keys, order.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {
+        self.clear_status(recorder);
+        self.record_ranks(recorder, push);
+    }
+
+    /// Records the same for a further part of a mesh, whose status adds to that of the parts before.
+    pub(crate) fn record_ranks(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {
         self.record_points(recorder, push);
         self.record_boxes(recorder, push);
         self.record_order(recorder);
     }
 
+    pub(crate) fn clear_status(&self, recorder: &mut Recorder<'_>) {
+        recorder.clear_buffer("status.clear", &self.status);
+    }
+
     /// Projects points to view coordinates.
     pub(crate) fn record_points(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {
-        recorder.clear_buffer("status.clear", &self.status);
         let push = MeshPush { count: self.point_count, ..*push };
         self.points.record(recorder, &push, groups_of(self.point_count, 64));
     }

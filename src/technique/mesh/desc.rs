@@ -5,6 +5,7 @@ use crate::frame::lists::{Geometry, Ranking};
 use crate::num;
 use crate::resident::GpuScene;
 use crate::resident::mesh::{MeshData, Primitives};
+use crate::resident::mesh_parts::PartSlot;
 use crate::scene::TetScalars;
 use crate::technique::mesh::list_inputs::{ListShader, TileShader};
 use crate::technique::mesh::options::MeshOptions;
@@ -35,6 +36,38 @@ impl MeshDesc {
         self.repair.is_some() && self.primitives == Primitives::Faces
     }
 
+    /// Returns the distance, in scalars, by which extinction is smeared, where only visible cells are drawn.
+    pub(crate) fn margin(&self, scene: &GpuScene) -> Option<f32> {
+        self.options.skips().then(|| scene.margin(Some(&self.options.segments)))
+    }
+
+    /// Returns how the pixels in which cells overlap are drawn again.
+    pub(crate) fn of_overlaps(&self) -> Self {
+        Self { name: "havs.overlaps", primitives: Primitives::Cells, chunk: None, deepens: false, ..*self }
+    }
+
+    /// Ranks the faces or cells of a part of the mesh.
+    pub(crate) fn rank_part(&self, scene: &GpuScene, slot: &PartSlot) -> Result<Ranking> {
+        let cell_scalars = matches!(scene.mesh()?.scalars(), TetScalars::Cell(_));
+        let words = match (self.primitives, cell_scalars) {
+            (Primitives::Cells, _) => 4,
+            (Primitives::Faces, true) => 5,
+            (Primitives::Faces, false) => 3,
+        };
+        let [points, scalars, primitives] = slot.buffers.clone();
+        let [point_count, count] = slot.room(words);
+        let geometry = Geometry {
+            kind: self.primitives,
+            points,
+            point_count,
+            scalars,
+            cell_scalars,
+            primitives,
+            count,
+        };
+        Ranking::new(scene.gpu(), self.name, geometry, self.options.back_to_front(), None)
+    }
+
     /// Ranks the faces or cells of the mesh that are drawn: by `order_given`, else on the device.
     pub(crate) fn rank_primitives(
         &self,
@@ -44,8 +77,7 @@ impl MeshDesc {
     ) -> Result<Ranking> {
         let gpu = scene.gpu();
         let mesh = scene.mesh()?;
-        let margin = self.options.skips().then(|| scene.margin(Some(&self.options.segments)));
-        let drawn = scene.primitives(self.primitives, margin)?;
+        let drawn = scene.primitives(self.primitives, self.margin(scene))?;
         let scalars = match drawn.scalars {
             Some(scalars) => scalars,
             None => data.scalars(gpu, mesh, scene.scene().transfer.domain())?,

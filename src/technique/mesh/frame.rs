@@ -12,29 +12,26 @@
 
 use std::sync::Arc;
 
-use ash::vk;
-
 use crate::error::Result;
 use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::lists::{Band, Hits, Measured, Ranking, measure};
 use crate::frame::prepared::{Outcome, Prepared};
-use crate::frame::target::{Canvas, own_image};
-use crate::gpu::shader::{FLAG_OVERLAPS, FLAG_REPAIRED, FLAG_UNSORTED, STATUS_WORDS, TILE, TILE_PIXELS};
+use crate::frame::target::Canvas;
+use crate::gpu::shader::{FLAG_OVERLAPS, FLAG_REPAIRED, FLAG_UNSORTED, STATUS_WORDS, TILE};
 use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::interface::MeshPush;
 use crate::num;
-use crate::primitives::dispatch::{Dispatch, buffer, download, groups_of, pass};
+use crate::primitives::dispatch::download;
 use crate::resident::GpuScene;
 use crate::resident::local_space::LocalSpace;
-use crate::resident::mesh::Primitives;
 use crate::scene::View;
 use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
-use crate::technique::mesh::list_inputs::{FORMAT, ListInputs, Shading, TileInputs, kbuffer_images};
 use crate::technique::mesh::outcome::MeshOutcome;
 use crate::technique::mesh::overlaps::Overlaps;
 use crate::technique::mesh::repairs::Repairs;
 use crate::technique::mesh::shading::shading_push;
+use crate::technique::mesh::tile_draw::{TileDraw, eye_inside};
 
 // Shaders write flags as bits 0 to 2.
 const _: () = assert!(FLAG_UNSORTED | FLAG_REPAIRED | FLAG_OVERLAPS == 7);
@@ -47,23 +44,10 @@ pub(crate) struct MeshFrame {
     bands: Vec<Band>,
     ranking: Ranking,
     hits: Arc<Hits>,
-    /// One pass that takes all primitives of a tile, or those of the first, a middle and the last chunk.
-    draw: Vec<Dispatch>,
-    chunks: u32,
-    /// Primitives of a tile that one dispatch takes.
-    chunk: u32,
+    draw: TileDraw,
     repair: Option<Repairs>,
     overlaps: Option<Overlaps>,
-    image: Arc<Image>,
-    flags: Arc<Buffer>,
     outcome: Arc<MeshOutcome>,
-    back_to_front: bool,
-}
-
-/// Whether the mesh may reach behind the eye.
-fn eye_inside(push: &MeshPush) -> bool {
-    // `forward[3]` is the eye's depth relative to the centre of the mesh, which lies within one unit of it.
-    push.forward[3] > -1.001
 }
 
 impl MeshFrame {
@@ -88,63 +72,23 @@ impl MeshFrame {
         let tiles = across * height.div_ceil(TILE);
 
         let ranking = desc.rank_primitives(scene, &data, order)?;
+        let known = data.needs(desc.primitives);
         let Measured { needs, bins, bands } =
-            measure(gpu, &ranking, data.needs(desc.primitives), &push, [tiles, across], false)?;
+            measure(gpu, &ranking, known, &push, [tiles, across], false)?;
         let hits = Hits::new(gpu, &ranking, bins, None)?;
 
-        let image = own_image(gpu, desc.name, FORMAT, vk::ImageUsageFlags::STORAGE, view, target)?;
-        let flags = buffer(gpu, "flags", u64::from(tiles) * u64::from(TILE_PIXELS))?;
-        let chunk = desc.chunk.unwrap_or(u32::MAX);
-        let chunks = needs.longest_bin.div_ceil(chunk).max(1);
-        let kbuffer = match (desc.primitives, chunks) {
-            (Primitives::Cells, _) => Vec::new(),
-            // A pixel is drawn at once, but the shader declares images.
-            (Primitives::Faces, 1) => kbuffer_images(gpu, 1, [1, 1])?,
-            (Primitives::Faces, _) => kbuffer_images(gpu, desc.k, view.extent())?,
-        };
-        let shading = Shading::new(scene, &desc.options.segments, target)?;
-        let list = ListInputs {
-            shading: &shading,
-            // Only repairs have lists, of their own.
-            cursors: &flags,
-            lists: &flags,
-            status: &ranking.status,
-            flags: &flags,
-            image: &image,
-            kbuffer: &kbuffer,
-            cell_scalars: ranking.cell_scalars,
-            by_planes: ranking.by_planes,
-            back_to_front: desc.options.back_to_front(),
-            eye_inside: eye_inside(&push),
-            k: desc.k,
-            listed: FLAG_UNSORTED,
-        };
-        let parts: &[[bool; 2]] = match chunks {
-            1 => &[[false, true]],
-            _ => &[[false, false], [true, false], [true, true]],
-        };
-        let inputs = TileInputs {
-            list: &list,
-            coverage: ranking.coverage(),
-            tile_walk: hits.walk(),
-            resume: false,
-            last_chunk: true,
-        };
-        let part = |&[resume, last_chunk]: &[bool; 2]| {
-            let bound = (desc.draw)(&TileInputs { resume, last_chunk, ..inputs.clone() });
-            pass(gpu, &format!("{}.draw", desc.name), &bound)
-        };
-        let draw = parts.iter().map(part).collect::<Result<_>>()?;
-
+        let draw =
+            TileDraw::new(scene, (view, target), &desc, (&ranking, &hits), &push, needs.longest_bin, false)?;
         let status = download(gpu, "status", 4 * u64::from(STATUS_WORDS))?;
         let repairs = desc.repair.is_some();
         let totals = [bands.len(), if repairs { bands.len() } else { 0 }];
-        let mut outcome = MeshOutcome::new(gpu, &data, &desc, status, totals, needs, ranking.count)?;
+        let mut outcome = MeshOutcome::new(gpu, known, &desc, status, totals, needs, ranking.count)?;
         outcome.walks = true;
         let (mut repair, mut overlaps) = (None, None);
         if let Some(shader) = desc.repair {
+            let drawn = draw.inputs(&ranking, &push);
             let frame =
-                FlaggedFrame { scene, data: &data, desc: &desc, push: &push, tiles, across, drawn: &list };
+                FlaggedFrame { scene, data: &data, desc: &desc, push: &push, tiles, across, drawn: &drawn };
             repair = Some(Repairs::new(&frame, shader, &ranking, Arc::clone(&hits), bands.clone(), needs)?);
             if desc.repairs_overlaps() && needs.overlaps {
                 let found = Overlaps::new(&frame)?;
@@ -159,14 +103,9 @@ impl MeshFrame {
             ranking,
             hits,
             draw,
-            chunks,
-            chunk,
             repair,
             overlaps,
-            image,
-            flags,
             outcome: Arc::new(outcome),
-            back_to_front: desc.options.back_to_front(),
         })
     }
 
@@ -178,25 +117,6 @@ impl MeshFrame {
     /// Returns the number of primitives that are drawn.
     pub(crate) fn primitive_count(&self) -> u32 {
         self.ranking.count
-    }
-
-    /// Records the passes that draw the primitives of each tile of a band, chunk by chunk.
-    fn record_draw(&self, recorder: &mut Recorder<'_>, band: Band) {
-        let push = MeshPush { count: band.tiles, band: band.first, ..self.push };
-        for chunk in 0..self.chunks {
-            let last = chunk + 1 == self.chunks;
-            let pass = match (chunk, last) {
-                (0, _) => self.draw.first(),
-                (_, false) => self.draw.get(1),
-                (_, true) => self.draw.get(2),
-            };
-            // The last takes what a later view may have more.
-            let number = if last { u32::MAX } else { self.chunk };
-            let push = MeshPush { first: chunk * self.chunk, number, ..push };
-            if let Some(pass) = pass {
-                pass.record(recorder, &push, groups_of(band.tiles, 1));
-            }
-        }
     }
 }
 
@@ -215,11 +135,11 @@ impl Prepared for MeshFrame {
     }
 
     fn image(&self) -> Option<&Arc<Image>> {
-        Some(&self.image)
+        Some(&self.draw.image)
     }
 
     fn overflow(&self) -> Option<&Arc<Buffer>> {
-        Some(&self.flags)
+        Some(&self.draw.flags)
     }
 
     fn route(&self) -> &'static str {
@@ -227,14 +147,14 @@ impl Prepared for MeshFrame {
     }
 
     fn hit_depths(&self) -> std::result::Result<(), &'static str> {
-        if self.back_to_front { Err("order=front-to-back tells them") } else { Ok(()) }
+        self.draw.hit_depths()
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
         vec![
             ("tiles", self.bands.iter().map(|band| u64::from(band.tiles)).sum()),
             ("bands", num::wide(self.bands.len())),
-            ("chunks", self.chunks.into()),
+            ("chunks", self.draw.chunks.into()),
         ]
     }
 
@@ -246,7 +166,7 @@ impl Prepared for MeshFrame {
         self.ranking.record(recorder, &self.push);
         for (i, band) in self.bands.iter().enumerate() {
             self.hits.record(recorder, &self.push, *band, self.outcome.bins.get(i));
-            self.record_draw(recorder, *band);
+            self.draw.record(recorder, &self.push, *band, [true; 2]);
             if let Some(repair) = &self.repair {
                 repair.record(recorder, &self.push, i, &self.outcome);
             }

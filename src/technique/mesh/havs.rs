@@ -20,15 +20,15 @@
 mod options;
 mod raster;
 
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
 use crate::gpu::Bound;
 use crate::gpu::shader::{HAVS_REPAIR, HAVS_TILES, HavsRepair, HavsTiles};
 use crate::resident::GpuScene;
-use crate::resident::mesh::Primitives;
+use crate::resident::mesh::{Needs, Primitives};
 use crate::scene::View;
 use crate::technique::declare::draw::{Draw, TechniqueOptions as _};
 use crate::technique::mesh::desc::MeshDesc;
@@ -36,20 +36,57 @@ use crate::technique::mesh::frame::MeshFrame;
 use crate::technique::mesh::havs::raster::RasterFrame;
 use crate::technique::mesh::list_inputs::{ListInputs, ListShader, REPAIR_K, TileInputs};
 use crate::technique::mesh::options::Repair;
+use crate::technique::mesh::parts::PartsFrame;
 
 pub use options::{KBufferRoute, Options};
 
 /// Pairs of the k-buffer, until many pixels of a mesh had to be drawn again.
 const FIRST_K: u32 = 7;
 
+/// Bytes of the device's memory for each face of a mesh as a whole, and in parts for each face of one: data, ranks, boxes, planes, and pairs of a
+/// tile and a face; parts are staged twice. (About: faces that cover many tiles take more, and there are fewer of these.)
+const FACE_BYTES: [u64; 2] = [128, 160];
+
+/// Bytes for each pixel, with the largest k-buffer.
+const PIXEL_BYTES: u64 = 152;
+
+/// How often the parts are doubled where the device has less room than was estimated.
+const MOST_TRIES: u32 = 4;
+
 impl Draw for Options {
     fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
-        let rasterises = self.route.rasterises();
-        // A larger k-buffer would take two texels of its images, which only chunks have.
-        let may_deepen = self.k.is_none() && !rasterises && self.chunk.is_none();
-        let deep =
-            scene.mesh_data().needs(Primitives::Faces).lock().unwrap_or_else(PoisonError::into_inner).deep;
-        let desc = MeshDesc {
+        let whole = self.desc(scene.mesh_data().needs(Primitives::Faces));
+        if self.route.rasterises() {
+            return Ok(Box::new(RasterFrame::new(scene, view, target, whole, self.route)?));
+        }
+        let first = match self.parts {
+            Some(parts) => parts,
+            None => fewest_parts(scene, view, &whole)?,
+        };
+        let mut parts = first;
+        loop {
+            let frame: Result<Box<dyn Prepared>> = if parts == 1 {
+                MeshFrame::new(scene, view, target, whole, None).map(|frame| Box::new(frame) as _)
+            } else {
+                let mesh = scene.mesh_parts(Primitives::Faces, whole.margin(scene), parts)?;
+                let desc = self.desc(&mesh.needs);
+                PartsFrame::new(scene, view, target, &desc, &mesh).map(|frame| Box::new(frame) as _)
+            };
+            match frame {
+                Err(Error::Memory { .. }) if self.parts.is_none() && parts >> MOST_TRIES < first => parts *= 2,
+                frame => return frame,
+            }
+        }
+    }
+}
+
+impl Options {
+    /// Returns how a mesh is drawn whose frames have needed so much.
+    fn desc(&self, known: &Mutex<Needs>) -> MeshDesc {
+        // A larger k-buffer takes two texels of its images, which only chunks and parts have.
+        let may_deepen = self.k.is_none() && !self.route.rasterises() && self.chunk.is_none();
+        let deep = known.lock().unwrap_or_else(PoisonError::into_inner).deep;
+        MeshDesc {
             name: Self::NAME,
             primitives: Primitives::Faces,
             options: self.mesh,
@@ -59,12 +96,27 @@ impl Draw for Options {
             chunk: self.chunk,
             repair: (self.repair == Repair::Exact).then_some(repair as ListShader),
             unsorted: "kbuffer_overflow_pixels",
-        };
-        if rasterises {
-            return Ok(Box::new(RasterFrame::new(scene, view, target, desc, self.route)?));
         }
-        Ok(Box::new(MeshFrame::new(scene, view, target, desc, None)?))
     }
+}
+
+/// Returns the number of parts in which the device has room for a mesh, estimated from its cells.
+fn fewest_parts(scene: &GpuScene, view: &View, desc: &MeshDesc) -> Result<u32> {
+    let (gpu, margin) = (scene.gpu(), desc.margin(scene));
+    if scene.has_primitives(Primitives::Faces, margin) {
+        return Ok(1);
+    }
+    let cells = scene.drawn_cell_count(margin)?;
+    // Two faces a cell, and some of the outline.
+    let faces = 2 * cells + cells / 16 + 64;
+    let [width, height] = view.extent().map(u64::from);
+    let room = gpu.memory_left().saturating_sub(PIXEL_BYTES * width * height);
+    let [whole, of_part] = FACE_BYTES.map(|bytes| bytes * faces);
+    if whole <= room && 12 * faces <= gpu.most_buffer_bytes() {
+        return Ok(1);
+    }
+    let parts = of_part.div_ceil(room.max(1)).max((12 * faces).div_ceil(gpu.most_buffer_bytes())).max(2);
+    Ok(u32::try_from(parts).unwrap_or(u32::MAX).min(u32::try_from(cells).unwrap_or(u32::MAX).max(1)))
 }
 
 /// Binds the shader that draws the faces of each tile.

@@ -14,6 +14,8 @@ pub mod options;
 mod order;
 mod outcome;
 mod overlaps;
+mod parts;
 pub mod projected_tets;
 mod repairs;
 mod shading;
+mod tile_draw;

@@ -1,6 +1,6 @@
 //! The result of a frame of a mesh: whether it is complete, and its counters.
 
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::{Error, Result};
 use crate::frame::prepared::Outcome;
@@ -11,14 +11,14 @@ use crate::gpu::shader::{
 use crate::gpu::{Buffer, Gpu};
 use crate::num;
 use crate::primitives::dispatch::{download, total, words};
-use crate::resident::mesh::{MeshData, Needs, Primitives};
+use crate::resident::mesh::Needs;
 use crate::technique::mesh::desc::MeshDesc;
 
 /// Buffers that a frame copies its status and totals to, with the capacities that it had.
 #[derive(Debug)]
 pub(crate) struct MeshOutcome {
-    data: Arc<MeshData>,
-    kind: Primitives,
+    /// What frames have needed so far.
+    known: Arc<Mutex<Needs>>,
     pub(crate) status: Arc<Buffer>,
     /// Entries of the bins of each band.
     pub(crate) bins: Vec<Arc<Buffer>>,
@@ -44,7 +44,7 @@ impl MeshOutcome {
     /// Allocates the buffers of the totals: of `binned` bands whose primitives are binned and `listed` bands whose fragments are listed.
     pub(crate) fn new(
         gpu: &Gpu,
-        data: &Arc<MeshData>,
+        known: &Arc<Mutex<Needs>>,
         desc: &MeshDesc,
         status: Arc<Buffer>,
         [binned, listed]: [usize; 2],
@@ -52,8 +52,7 @@ impl MeshOutcome {
         primitives: u32,
     ) -> Result<Self> {
         Ok(Self {
-            data: Arc::clone(data),
-            kind: desc.primitives,
+            known: Arc::clone(known),
             status,
             bins: (0..binned).map(|_| download(gpu, "bins.total", 8)).collect::<Result<_>>()?,
             lists: (0..listed).map(|_| download(gpu, "lists.total", 8)).collect::<Result<_>>()?,
@@ -69,8 +68,30 @@ impl MeshOutcome {
     }
 }
 
+/// What a frame of a mesh tells when it has ended.
+#[derive(Debug)]
+pub(crate) struct Read {
+    /// Whether everything had room.
+    pub(crate) fits: bool,
+    /// Whether lists were sorted in as many rounds as there were.
+    pub(crate) sorted: bool,
+    /// Whether nothing is left of the pixels in which cells overlap.
+    pub(crate) apart: bool,
+    /// Pixels whose pairs came out of order, and those in which cells overlap.
+    pub(crate) flagged: [u32; 2],
+    pub(crate) counters: Vec<(&'static str, u64)>,
+}
+
 impl Outcome for MeshOutcome {
     fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
+        let Read { fits, sorted, apart, counters, .. } = self.read_all()?;
+        Ok((fits && sorted && apart, counters))
+    }
+}
+
+impl MeshOutcome {
+    /// Reads the status and the totals, and notes what later frames need.
+    pub(crate) fn read_all(&self) -> Result<Read> {
         let status = words(&self.status.host_copy()?);
         let at = |word: u32| status.get(num::index(word)).copied().unwrap_or(0);
         let totals =
@@ -86,15 +107,14 @@ impl Outcome for MeshOutcome {
             check_loops(at(STATUS_CUT))?;
         }
         let sorted = at(STATUS_UNREPAIRED) == 0;
-        let overlaps = match &self.overlaps {
+        let apart = match &self.overlaps {
             Some(overlaps) => overlaps.read()?.0,
             None => at(STATUS_OVERLAPS) == 0 || !self.repairs_overlaps,
         };
-        let mut needs = self.data.needs(self.kind).lock().unwrap_or_else(PoisonError::into_inner);
-        if self.overlaps.is_none() && !overlaps {
+        let mut needs = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.overlaps.is_none() && !apart {
             needs.overlaps = true;
         }
-        let complete = fits && sorted && overlaps;
         needs.bins = needs.bins.max(u32::try_from(fullest_bins).unwrap_or(u32::MAX));
         if self.deepens && fullest > u64::from(self.capacities.lists) {
             needs.deep = true;
@@ -124,7 +144,8 @@ impl Outcome for MeshOutcome {
             let high = u64::from(at(STATUS_FRAGMENTS_HIGH)) << 32;
             counters.push(("fragments", high | u64::from(at(STATUS_FRAGMENTS))));
         }
-        Ok((complete, counters))
+        let flagged = [at(STATUS_OVERFLOW_PIXELS), at(STATUS_OVERLAPS)];
+        Ok(Read { fits, sorted, apart, flagged, counters })
     }
 }
 

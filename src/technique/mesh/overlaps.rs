@@ -14,7 +14,6 @@ use crate::interface::MeshPush;
 use crate::primitives::dispatch::download;
 use crate::resident::mesh::Primitives;
 use crate::technique::mesh::cell_lists;
-use crate::technique::mesh::desc::MeshDesc;
 use crate::technique::mesh::flagged::FlaggedFrame;
 use crate::technique::mesh::list_inputs::ListInputs;
 use crate::technique::mesh::outcome::MeshOutcome;
@@ -33,18 +32,12 @@ impl Overlaps {
     pub(crate) fn new(frame: &FlaggedFrame<'_>) -> Result<Self> {
         let FlaggedFrame { scene, data, push, tiles, across, drawn, .. } = *frame;
         let gpu = scene.gpu();
-        let desc = MeshDesc {
-            name: "havs.overlaps",
-            primitives: Primitives::Cells,
-            chunk: None,
-            deepens: false,
-            ..*frame.desc
-        };
+        let desc = frame.desc.of_overlaps();
         let ranking = desc.rank_primitives(scene, data, None)?;
         let known = data.needs(Primitives::Cells);
         let Measured { needs, bins, bands } = measure(gpu, &ranking, known, push, [tiles, across], true)?;
         let status = download(gpu, "overlaps.status", 4 * u64::from(STATUS_WORDS))?;
-        let outcome = MeshOutcome::new(gpu, data, &desc, status, [bands.len(); 2], needs, ranking.count)?;
+        let outcome = MeshOutcome::new(gpu, known, &desc, status, [bands.len(); 2], needs, ranking.count)?;
         let hits = Hits::new(gpu, &ranking, bins, Some((drawn.flags, FLAG_OVERLAPS)))?;
         let drawn = ListInputs { status: &ranking.status, listed: FLAG_OVERLAPS, ..drawn.clone() };
         let frame = FlaggedFrame { desc: &desc, drawn: &drawn, ..*frame };

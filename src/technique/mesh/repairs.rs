@@ -16,7 +16,7 @@ use crate::technique::mesh::outcome::MeshOutcome;
 #[derive(Debug)]
 pub(crate) struct Repairs {
     hits: Arc<Hits>,
-    lists: Lists,
+    pub(crate) lists: Lists,
     pass: Dispatch,
     rounds: u32,
 }
@@ -49,13 +49,19 @@ impl Repairs {
         band: usize,
         outcome: &MeshOutcome,
     ) {
-        let lists = &self.lists;
-        let Some(&tiles) = lists.bands.get(band) else { return };
-        lists.record_count(recorder, push, band, outcome.lists.get(band));
-        lists.record_fill(recorder, push, band);
+        let Some(&tiles) = self.lists.bands.get(band) else { return };
+        self.lists.record_count(recorder, push, tiles, false);
+        self.lists.record_places(recorder, band, outcome.lists.get(band));
+        self.lists.record_fill(recorder, push, tiles);
+        self.record_rounds(recorder, push, tiles);
+    }
+
+    /// Records the rounds that sort the lists of a band and draw its pixels.
+    pub(crate) fn record_rounds(&self, recorder: &mut Recorder<'_>, push: &MeshPush, band: Band) {
         for round in 1..=self.rounds {
-            let push = MeshPush { last_round: u32::from(round == self.rounds), ..lists.push(push, tiles) };
-            self.pass.record(recorder, &push, groups_of(tiles.tiles, 1));
+            let last_round = u32::from(round == self.rounds);
+            let push = MeshPush { last_round, ..self.lists.push(push, band) };
+            self.pass.record(recorder, &push, groups_of(band.tiles, 1));
         }
     }
 

@@ -7,5 +7,6 @@ mod forms;
 mod frames;
 mod odd;
 mod order;
+mod parts;
 mod real;
 mod support;

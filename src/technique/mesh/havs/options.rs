@@ -45,6 +45,9 @@ option_set! {
         /// Sets the faces of a tile that one dispatch takes, with route=compute. Storage images keep the k-buffer between two. The
         /// image is the same.
         pub chunk: Option<u32> = None => Rule::whole(1, 1_000_000).or("all", None).quiet(),
+        /// Sets the parts of the mesh that are drawn one after the other, with route=compute, so that the device needs room for one at a time.
+        /// auto takes one where there is room for all, else as many as it takes. The image is the same.
+        pub parts: Option<u32> = None => Rule::whole(1, 65_536).or("auto", None).quiet(),
         /// The options that techniques for meshes share.
         pub mesh: MeshOptions = MeshOptions::default() => GROUP,
     }
@@ -63,6 +66,7 @@ impl TechniqueOptions for Options {
         samples: &[
             ("mesh", "route=compute", [1e-6, 4e-6]),
             ("mesh", "route=compute,k=2,chunk=9", [1e-6, 4e-6]),
+            ("mesh", "parts=5,k=3", [1e-6, 4e-6]),
             ("mesh", "resolution=half", [2e-2, 0.2]),
             ("mesh", "route=compute,k=3,integrator=integral,order=back-to-front", [2e-2, 0.2]),
             ("mesh", "route=interlock", [1e-6, 4e-6]),
@@ -81,6 +85,10 @@ impl TechniqueOptions for Options {
             if let Some(k) = self.k.filter(|&k| k > MOST_K) {
                 let why = format!("{k}: must be 1 to {MOST_K} with route={route}");
                 return Err(refused(Self::NAME, "k", why));
+            }
+            if self.parts.is_some_and(|parts| parts > 1) {
+                let why = format!("route={route} draws a mesh at once: leave it out");
+                return Err(refused(Self::NAME, "parts", why));
             }
             if self.chunk.is_some() {
                 let why = format!("route={route} has no dispatches to cut: leave it out");

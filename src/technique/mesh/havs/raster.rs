@@ -278,11 +278,11 @@ impl RasterOutcome {
     ) -> Result<(Option<Repairs>, Option<Overlaps>)> {
         let FlaggedFrame { scene, data, desc, push, tiles, across, drawn } = *frame;
         let gpu = scene.gpu();
-        let Measured { needs, bins, bands } =
-            measure(gpu, ranking, data.needs(desc.primitives), push, [tiles, across], true)?;
+        let known = data.needs(desc.primitives);
+        let Measured { needs, bins, bands } = measure(gpu, ranking, known, push, [tiles, across], true)?;
         let hits = Hits::new(gpu, ranking, bins, Some((drawn.flags, drawn.listed)))?;
         let status = Arc::clone(&self.status);
-        let mut outcome = MeshOutcome::new(gpu, data, desc, status, [bands.len(); 2], needs, ranking.count)?;
+        let mut outcome = MeshOutcome::new(gpu, known, desc, status, [bands.len(); 2], needs, ranking.count)?;
         let repairs = Repairs::new(frame, shader, ranking, hits, bands, needs)?;
         let mut overlaps = None;
         if needs.overlaps {

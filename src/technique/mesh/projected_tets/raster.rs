@@ -344,6 +344,7 @@ impl TetsRaster {
     ) {
         let push = MeshPush { count: self.ranking.count, ..self.push };
         let groups = groups_of(self.ranking.count, 64);
+        self.ranking.clear_status(recorder);
         self.ranking.record_points(recorder, &push);
         // Fans in space also rank cells outside of the image, when they are built.
         if self.options.plane == Plane::Image {
