@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use volraster::gpu::GpuOptions;
-use volraster::scene::{Field, Scene, Surface, TetScalars, Tets, View};
+use volraster::scene::{Field, Projection, Scene, Surface, TetScalars, Tets, View};
 use volraster::technique::Renderer;
 use volraster::{Error, GpuScene};
 
@@ -43,9 +43,9 @@ fn parts_give_the_image_of_the_whole() {
     for (name, scene, views) in scenes() {
         let on_gpu = GpuScene::new(&gpu, scene);
         for view in views {
-            for more in taken(2, ["k=1", "k=7", "k=8", "k=2,chunk=7", "k=15", "stop=0.05", "resolution=half"]) {
+            for more in taken(3, ["k=1", "k=7", "k=8", "k=2,chunk=7", "k=15", "stop=0.05"]) {
                 let whole = Drawn::new(&on_gpu, &view, &format!("havs:parts=1,{more}"));
-                for parts in taken(2, [2, 3, 8, 100]) {
+                for parts in taken(2, [3, 8]) {
                     let drawn = Drawn::new(&on_gpu, &view, &format!("havs:parts={parts},{more}"));
                     let what = format!("{name}, eye {}, {more}, parts {parts}", view.camera().eye);
                     assert_eq!(drawn.counter("parts"), parts, "{what}");
@@ -94,10 +94,10 @@ fn views_change_the_order_of_parts() {
     let views = [
         view(perspective(), 1.0, 37, 29),
         view(orthographic(), -1.0, 37, 29),
-        view(perspective(), 0.1, 37, 29),
+        view(Projection::Perspective { fov_y_deg: 6.0 }, 1.0, 37, 29),
         view(perspective(), 1.0, 37, 29),
     ];
-    let mut frames = Renderer::new(&on_gpu, technique("havs:parts=12")).frames(&views[0]).unwrap();
+    let mut frames = Renderer::new(&on_gpu, technique("havs:parts=60")).frames(&views[0]).unwrap();
     let mut seen = Vec::new();
     for view in views {
         // A frame that is given up leaves nothing.
@@ -107,22 +107,20 @@ fn views_change_the_order_of_parts() {
         seen.extend(counters.into_iter().filter(|(name, _)| *name == "parts_seen").map(|(_, seen)| seen));
         assert_eq!(frames.read_back().unwrap(), draw_on(&on_gpu, &view, "havs:parts=1"));
     }
-    assert!(seen.iter().any(|&seen| seen < 12) && seen.contains(&12), "{seen:?}");
+    assert!(seen.iter().any(|&seen| seen < 60) && seen.contains(&60), "{seen:?}");
 }
 
-/// A device without room for the whole mesh draws it in parts of its own accord; other techniques, and one part, say what they lack.
+/// A device without room for the whole mesh draws it in parts of its own accord; one part lacks memory.
 #[test]
 fn own_device_a_small_budget_makes_parts() {
-    let scene = cubes(Field::Blobs, 24, &FOG);
+    let scene = cubes(Field::Blobs, 24, &HAZE);
     let view = view(perspective(), 1.0, 64, 64);
     let whole = draw_on(&GpuScene::new(&gpu(), scene.clone()), &view, "havs");
-    let gpu = gpu_with(GpuOptions { memory_budget: Some(9 << 20), ..GpuOptions::default() });
+    let gpu = gpu_with(GpuOptions { memory_budget: Some(8 << 20), ..GpuOptions::default() });
     let on_gpu = GpuScene::new(&gpu, scene);
     let drawn = Drawn::new(&on_gpu, &view, "havs");
     assert!(drawn.counter("parts") > 1);
     assert_eq!(drawn.image, whole);
-    for spec in ["havs:parts=1", "abuffer"] {
-        let error = Renderer::new(&on_gpu, technique(spec)).render(&view).unwrap_err();
-        assert!(matches!(error, Error::Memory { .. }), "{spec}: {error}");
-    }
+    let error = Renderer::new(&on_gpu, technique("havs:parts=1")).render(&view).unwrap_err();
+    assert!(matches!(error, Error::Memory { .. }), "{error}");
 }
