@@ -1,5 +1,6 @@
 //! A mesh on the device: points and topology, scalars, and the faces or cells that are drawn.
 
+use std::sync::atomic::AtomicU32;
 use std::sync::{Arc, Mutex};
 
 use glam::DVec3;
@@ -33,6 +34,8 @@ pub(crate) struct MeshData {
     scalars: Cache<(), Arc<Buffer>>,
     /// Capacities that frames have needed so far, of faces and of cells.
     needs: [Arc<Mutex<Needs>>; 2],
+    /// The parts in which the device had room for its faces; 0: not known.
+    pub(crate) parts: AtomicU32,
 }
 
 /// Capacities that frames have needed.
@@ -70,7 +73,8 @@ impl MeshData {
     pub(crate) fn points(&self, gpu: &Gpu, mesh: &Tets) -> Result<Arc<Buffer>> {
         self.points.get((), || {
             let space = LocalSpace::of(mesh);
-            let points: Vec<[f32; 4]> = mesh.points().iter().map(|&point| local_point(&space, point)).collect();
+            let points: Vec<[f32; 4]> =
+                mesh.points().iter().map(|&point| local_point(&space, point)).collect();
             Buffer::with_data(gpu, "mesh.points", bytemuck::cast_slice(&points))
         })
     }

@@ -29,6 +29,8 @@ pub(crate) struct MeshParts {
     ends: [f64; 2],
     /// Most of any part.
     most: Extent,
+    /// Primitives of all parts.
+    pub(crate) primitives: u32,
     /// Capacities that frames of parts have needed so far.
     pub(crate) needs: Arc<Mutex<Needs>>,
 }
@@ -108,14 +110,22 @@ impl MeshParts {
         let drawn = drawn_cells(mesh, transfer, margin);
         let is_drawn = |cell: u32| cell != NONE && drawn[num::index(cell)];
         let space = LocalSpace::of(mesh);
-        let (boxes, parts) = match kind {
+        let (boxes, parts, primitives) = match kind {
             Primitives::Faces => {
                 let topology = data.topology(mesh)?;
                 let shown: Vec<&Face> = topology.faces().iter().collect();
-                let shown: Vec<&Face> =
-                    shown.into_par_iter().filter(|face| is_drawn(face.front) || is_drawn(face.back)).collect();
+                let shown: Vec<&Face> = shown
+                    .into_par_iter()
+                    .filter(|face| is_drawn(face.front) || is_drawn(face.back))
+                    .collect();
                 let sides = |face: &Face| [is_drawn(face.front), is_drawn(face.back)];
-                cut(mesh, &shown, count, |face| face.corners, |faces| Part::of_faces(mesh, &space, faces, sides))
+                cut(
+                    mesh,
+                    &shown,
+                    count,
+                    |face| face.corners,
+                    |faces| Part::of_faces(mesh, &space, faces, sides),
+                )
             }
             Primitives::Cells => {
                 let cells = (0..num::count(mesh.cells().len())).into_par_iter();
@@ -131,7 +141,7 @@ impl MeshParts {
         });
         let of_cells = matches!(mesh.scalars(), TetScalars::Cell(_));
         let most = Extent { scalars: if of_cells { most.scalars } else { most.points }, ..most };
-        Ok(Self { boxes, parts, space, ends: transfer.domain(), most, needs: Arc::default() })
+        Ok(Self { boxes, parts, space, ends: transfer.domain(), most, primitives, needs: Arc::default() })
     }
 
     /// Returns the number of parts.
@@ -170,7 +180,12 @@ impl MeshParts {
 }
 
 impl Part {
-    fn of_faces(mesh: &Tets, space: &LocalSpace, faces: &[&Face], sides: impl Fn(&Face) -> [bool; 2]) -> Self {
+    fn of_faces(
+        mesh: &Tets,
+        space: &LocalSpace,
+        faces: &[&Face],
+        sides: impl Fn(&Face) -> [bool; 2],
+    ) -> Self {
         let points = Chosen::new(faces.iter().flat_map(|face| face.corners), mesh.points().len());
         let of_cells = matches!(mesh.scalars(), TetScalars::Cell(_));
         let both = |face: &&Face| [face.front, face.back].into_iter().filter(|&cell| cell != NONE);
@@ -178,7 +193,8 @@ impl Part {
         let mut words = Vec::with_capacity(faces.len() * if of_cells { 5 } else { 3 });
         for face in faces {
             let corners = face.corners.map(|point| points.place(point));
-            let own = |cell| beside.as_ref().filter(|_| cell != NONE).map_or(NONE, |beside| beside.place(cell));
+            let own =
+                |cell| beside.as_ref().filter(|_| cell != NONE).map_or(NONE, |beside| beside.place(cell));
             let face = face_words(corners, [own(face.front), own(face.back)], sides(face));
             words.extend_from_slice(if of_cells { &face } else { &face[..3] });
         }
@@ -217,7 +233,7 @@ fn cut<T: Copy + Send + Sync, const N: usize>(
     count: u32,
     corners: impl Fn(&T) -> [u32; N] + Sync,
     part_of: impl Fn(&[T]) -> Part + Sync,
-) -> (Boxes, Vec<Part>) {
+) -> (Boxes, Vec<Part>, u32) {
     let middle = |primitive: &T| {
         let places = corners(primitive).map(|i| mesh.points()[num::index(i)]);
         places.into_iter().sum::<DVec3>() / num::f64_of(N)
@@ -233,7 +249,7 @@ fn cut<T: Copy + Send + Sync, const N: usize>(
     }
     drop(numbers);
     let parts = members.into_par_iter().map(|members| part_of(&members)).collect();
-    (boxes, parts)
+    (boxes, parts, num::count(primitives.len()))
 }
 
 /// Whether a pixel's line of a view may meet a box, in coordinates relative to the mesh: no side of the image has all of it beyond.
@@ -247,7 +263,8 @@ fn meets(push: &MeshPush, [low, high]: [DVec3; 2]) -> bool {
     });
     let beyond = |offset: [f32; 4], half: f32, sign: f64| {
         corners.iter().all(|&p| {
-            let w = f64::from(push.w0) + f64::from(push.w1) * row([push.forward[0], push.forward[1], push.forward[2], 0.0], p);
+            let w = f64::from(push.w0)
+                + f64::from(push.w1) * row([push.forward[0], push.forward[1], push.forward[2], 0.0], p);
             let at = sign * row(offset, p);
             // A pixel's thousandth and what places may be rounded by.
             at > f64::from(half + 1e-3) * f64::from(push.pixel) * w.abs() + 1e-5 * (1.0 + at.abs())
@@ -255,7 +272,8 @@ fn meets(push: &MeshPush, [low, high]: [DVec3; 2]) -> bool {
     };
     let [width, height] = push.half_extent;
     let sides = [(push.right, width), (push.up, height)];
-    low.cmple(high).all() && !sides.iter().any(|&(row, half)| beyond(row, half, 1.0) || beyond(row, half, -1.0))
+    low.cmple(high).all()
+        && !sides.iter().any(|&(row, half)| beyond(row, half, 1.0) || beyond(row, half, -1.0))
 }
 
 /// The buffers of one part on the device, and two in which the host writes: of the part that frames begin with, and of another.

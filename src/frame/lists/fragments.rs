@@ -92,7 +92,12 @@ impl Lists {
     }
 
     /// Records the prefix sum over the counts of a band, and a copy of the number of its entries to `total`.
-    pub(crate) fn record_places(&self, recorder: &mut Recorder<'_>, band: usize, total: Option<&Arc<Buffer>>) {
+    pub(crate) fn record_places(
+        &self,
+        recorder: &mut Recorder<'_>,
+        band: usize,
+        total: Option<&Arc<Buffer>>,
+    ) {
         let Some(scan) = self.scans.get(band) else { return };
         scan.record(recorder);
         if let Some(total) = total {

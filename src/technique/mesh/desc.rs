@@ -56,15 +56,8 @@ impl MeshDesc {
         };
         let [points, scalars, primitives] = slot.buffers.clone();
         let [point_count, count] = slot.room(words);
-        let geometry = Geometry {
-            kind: self.primitives,
-            points,
-            point_count,
-            scalars,
-            cell_scalars,
-            primitives,
-            count,
-        };
+        let geometry =
+            Geometry { kind: self.primitives, points, point_count, scalars, cell_scalars, primitives, count };
         Ranking::new(scene.gpu(), self.name, geometry, self.options.back_to_front(), None)
     }
 

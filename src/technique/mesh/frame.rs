@@ -73,8 +73,7 @@ impl MeshFrame {
 
         let ranking = desc.rank_primitives(scene, &data, order)?;
         let known = data.needs(desc.primitives);
-        let Measured { needs, bins, bands } =
-            measure(gpu, &ranking, known, &push, [tiles, across], false)?;
+        let Measured { needs, bins, bands } = measure(gpu, &ranking, known, &push, [tiles, across], false)?;
         let hits = Hits::new(gpu, &ranking, bins, None)?;
 
         let draw =
@@ -96,17 +95,7 @@ impl MeshFrame {
                 overlaps = Some(found);
             }
         }
-        Ok(Self {
-            space,
-            push,
-            bands,
-            ranking,
-            hits,
-            draw,
-            repair,
-            overlaps,
-            outcome: Arc::new(outcome),
-        })
+        Ok(Self { space, push, bands, ranking, hits, draw, repair, overlaps, outcome: Arc::new(outcome) })
     }
 
     /// Replaces the ranks from the host. Returns `false`, and changes nothing, while a recording reads the old ones.

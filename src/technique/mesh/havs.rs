@@ -20,6 +20,7 @@
 mod options;
 mod raster;
 
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::{Error, Result};
@@ -47,18 +48,24 @@ const FIRST_K: u32 = 7;
 /// tile and a face; parts are staged twice. (About: faces that cover many tiles take more, and there are fewer of these.)
 const FACE_BYTES: [u64; 2] = [128, 160];
 
-/// Bytes for each pixel, with the largest k-buffer.
-const PIXEL_BYTES: u64 = 152;
+/// Bytes of the largest k-buffer for each pixel.
+const KBUFFER_BYTES: u64 = 128;
+
+/// Bytes of all that a pixel takes, with the largest k-buffer.
+const PIXEL_BYTES: u64 = KBUFFER_BYTES + 24;
 
 /// How often the parts are doubled where the device has less room than was estimated.
 const MOST_TRIES: u32 = 4;
 
 impl Draw for Options {
     fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
-        let whole = self.desc(scene.mesh_data().needs(Primitives::Faces));
+        let whole = self.desc(scene.mesh_data().needs(Primitives::Faces), false);
         if self.route.rasterises() {
             return Ok(Box::new(RasterFrame::new(scene, view, target, whole, self.route)?));
         }
+        // An unsorted pixel takes two more turns through all parts, and a larger k-buffer spares nearly all of them.
+        let [width, height] = view.extent().map(u64::from);
+        let large = KBUFFER_BYTES * width * height <= scene.gpu().memory_left() / 8;
         let first = match self.parts {
             Some(parts) => parts,
             None => fewest_parts(scene, view, &whole)?,
@@ -69,23 +76,31 @@ impl Draw for Options {
                 MeshFrame::new(scene, view, target, whole, None).map(|frame| Box::new(frame) as _)
             } else {
                 let mesh = scene.mesh_parts(Primitives::Faces, whole.margin(scene), parts)?;
-                let desc = self.desc(&mesh.needs);
+                let desc = self.desc(&mesh.needs, large);
                 PartsFrame::new(scene, view, target, &desc, &mesh).map(|frame| Box::new(frame) as _)
             };
             match frame {
-                Err(Error::Memory { .. }) if self.parts.is_none() && parts >> MOST_TRIES < first => parts *= 2,
-                frame => return frame,
+                Err(Error::Memory { .. }) if self.parts.is_none() && parts >> MOST_TRIES < first => {
+                    parts *= 2
+                }
+                Ok(frame) => {
+                    if self.parts.is_none() && parts > 1 {
+                        scene.mesh_data().parts.store(parts, Ordering::Relaxed);
+                    }
+                    return Ok(frame);
+                }
+                Err(error) => return Err(error),
             }
         }
     }
 }
 
 impl Options {
-    /// Returns how a mesh is drawn whose frames have needed so much.
-    fn desc(&self, known: &Mutex<Needs>) -> MeshDesc {
+    /// Returns how a mesh is drawn whose frames have needed so much, or that is to have a large k-buffer.
+    fn desc(&self, known: &Mutex<Needs>, large: bool) -> MeshDesc {
         // A larger k-buffer takes two texels of its images, which only chunks and parts have.
         let may_deepen = self.k.is_none() && !self.route.rasterises() && self.chunk.is_none();
-        let deep = known.lock().unwrap_or_else(PoisonError::into_inner).deep;
+        let deep = large || known.lock().unwrap_or_else(PoisonError::into_inner).deep;
         MeshDesc {
             name: Self::NAME,
             primitives: Primitives::Faces,
@@ -105,6 +120,10 @@ fn fewest_parts(scene: &GpuScene, view: &View, desc: &MeshDesc) -> Result<u32> {
     let (gpu, margin) = (scene.gpu(), desc.margin(scene));
     if scene.has_primitives(Primitives::Faces, margin) {
         return Ok(1);
+    }
+    let known = scene.mesh_data().parts.load(Ordering::Relaxed);
+    if known > 0 {
+        return Ok(known);
     }
     let cells = scene.drawn_cell_count(margin)?;
     // Two faces a cell, and some of the outline.

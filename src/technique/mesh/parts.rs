@@ -105,6 +105,15 @@ struct PartsOutcome {
     progress: Mutex<Progress>,
 }
 
+/// What a recording leaves to do.
+#[derive(Debug)]
+struct Next {
+    /// The next stage; none where all is drawn, and where a frame with more room has to begin anew.
+    stage: Option<Stage>,
+    complete: bool,
+    counters: Vec<(&'static str, u64)>,
+}
+
 impl Stage {
     fn of_cells(self) -> bool {
         matches!(self.task, Task::CountCells | Task::ListCells)
@@ -166,7 +175,7 @@ impl Sweep {
         let gpu = scene.gpu();
         let status = download(gpu, "status", 4 * u64::from(STATUS_WORDS))?;
         let totals = [self.bands.iter().map(Vec::len).sum(), usize::from(lists)];
-        MeshOutcome::new(gpu, &self.parts.needs, desc, status, totals, needs, self.ranking.count)
+        MeshOutcome::new(gpu, &self.parts.needs, desc, status, totals, needs, self.parts.primitives)
     }
 
     /// Records what clears the status of these parts before a frame.
@@ -186,7 +195,7 @@ impl Sweep {
 }
 
 impl PartsFrame {
-    /// Prepares frames of one view size of the faces of a mesh in `count` parts.
+    /// Prepares frames of one view size of the faces of a mesh in parts.
     pub(crate) fn new(
         scene: &Arc<GpuScene>,
         view: &View,
@@ -294,16 +303,16 @@ impl PartsFrame {
 }
 
 impl PartsOutcome {
-    /// Returns the stage after that of the last recording, whether everything is drawn, and the counters. There is no stage where a frame with
-    /// more room has to begin anew.
-    fn next(&self) -> Result<(Option<Stage>, bool, Vec<(&'static str, u64)>)> {
-        let Read { fits, sorted, apart, flagged: [unsorted, overlapping], counters } = self.mesh.read_all()?;
+    /// Returns what the last recording has left to do.
+    fn next(&self) -> Result<Next> {
+        let Read { fits, sorted, apart, flagged: [unsorted, overlapping], counters } =
+            self.mesh.read_all()?;
         let progress = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
         let Stage { task, at } = progress.stage;
         let count = progress.parts[usize::from(progress.stage.of_cells())];
         let begin = |task| Some(Stage { task, at: 0 });
         let cells = self.mesh.overlaps.is_some() && overlapping > 0;
-        let next = match task {
+        let stage = match task {
             _ if at + 1 < count => Some(Stage { task, at: at + 1 }),
             Task::Draw if self.repairs && unsorted > 0 => begin(Task::Count),
             Task::Count => begin(Task::List),
@@ -311,14 +320,14 @@ impl PartsOutcome {
             Task::CountCells => begin(Task::ListCells),
             Task::Draw | Task::List | Task::ListCells => None,
         };
-        let complete = fits && sorted && apart && next.is_none();
-        Ok((next.filter(|_| fits), complete, counters))
+        let complete = fits && sorted && apart && stage.is_none();
+        Ok(Next { stage: stage.filter(|_| fits), complete, counters })
     }
 }
 
 impl Outcome for PartsOutcome {
     fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
-        let (_, complete, counters) = self.next()?;
+        let Next { complete, counters, .. } = self.next()?;
         Ok((complete, counters))
     }
 }
@@ -345,7 +354,7 @@ impl Prepared for PartsFrame {
     }
 
     fn load(&mut self) -> Result<bool> {
-        let (Some(next), ..) = self.outcome.next()? else { return Ok(false) };
+        let Some(next) = self.outcome.next()?.stage else { return Ok(false) };
         let sweep = match &mut self.overlaps {
             Some((cells, _)) if next.of_cells() => cells,
             _ => &mut self.faces,
@@ -402,7 +411,8 @@ impl Prepared for PartsFrame {
             if self.resumes.swap(false, Ordering::Relaxed) {
                 stage = self.next;
             }
-            let parts = [self.faces.order.len(), self.overlaps.as_ref().map_or(0, |(cells, _)| cells.order.len())];
+            let parts =
+                [self.faces.order.len(), self.overlaps.as_ref().map_or(0, |(cells, _)| cells.order.len())];
             *self.outcome.progress.lock().unwrap_or_else(PoisonError::into_inner) = Progress { stage, parts };
         }
         self.record_stage(recorder, stage);

@@ -121,7 +121,13 @@ impl TileDraw {
 
     /// Records the passes that draw the primitives of each tile of a band: all that there are, or a part, which may be the first, the last, or
     /// both.
-    pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush, band: Band, [first, last]: [bool; 2]) {
+    pub(crate) fn record(
+        &self,
+        recorder: &mut Recorder<'_>,
+        push: &MeshPush,
+        band: Band,
+        [first, last]: [bool; 2],
+    ) {
         let push = MeshPush { count: band.tiles, band: band.first, ..*push };
         let whole = self.passes.len() == 1;
         // What is the first and the last part at once takes two dispatches.

@@ -33,7 +33,7 @@ option_set! {
     /// Options of `havs`.
     pub struct Options {
         /// Sets the pairs of the k-buffer: a face may come k places too early. The work for each fragment grows with k. Raster routes
-        /// take at most 7. auto is 7, and 15 once many pixels of a mesh had to be drawn again with 7.
+        /// take at most 7. auto is 7, and 15 once many pixels of a mesh had to be drawn again with 7, and where a mesh is drawn in parts.
         pub k: Option<u32> = None => Rule::whole(1, 15).or("auto", None),
         /// Selects how faces reach the pixels; auto is compute. interlock rasterises the faces, and a Vulkan extension orders the
         /// fragments. implementation-ordered needs no extension but a driver that is known to keep their order, which Vulkan does not
