@@ -470,7 +470,11 @@ impl Plan {
             self.final_image().and_then(|image| used(Used::Image(Arc::clone(image)))),
             self.prepared.overflow().and_then(|words| used(Used::Buffer(Arc::clone(words)))),
         ];
-        let last = |image: Arc<Image>| used(Used::Image(Arc::clone(&image))).map(|last| (image, last));
+        // What this recording does not use stays as it was.
+        let last = |image: Arc<Image>| {
+            let known = self.kept.iter().find(|(kept, _)| Arc::ptr_eq(kept, &image)).map(|(_, last)| *last);
+            used(Used::Image(Arc::clone(&image))).or(known).map(|last| (image, last))
+        };
         self.kept = self.prepared.kept().into_iter().filter_map(last).collect();
         let counted = passes(&steps);
         debug_assert!(counted <= self.most_passes, "{counted} passes, {} timers", self.most_passes);

@@ -98,9 +98,16 @@ pub(crate) struct Image {
 }
 
 impl Image {
+    /// Whether shaders may store to it.
+    pub(super) fn is_storage(&self) -> bool {
+        self.desc.usage.contains(vk::ImageUsageFlags::STORAGE)
+    }
+
     pub(crate) fn new(gpu: &Gpu, name: &str, desc: &ImageDesc) -> Result<Self> {
         gpu.check_image(name, desc)?;
         let [width, height, depth] = desc.extent;
+        let poisoned = gpu.inner.poison && desc.usage.contains(vk::ImageUsageFlags::STORAGE);
+        let usage = if poisoned { desc.usage | vk::ImageUsageFlags::TRANSFER_DST } else { desc.usage };
         let info = vk::ImageCreateInfo::default()
             .image_type(if desc.volume { vk::ImageType::TYPE_3D } else { vk::ImageType::TYPE_2D })
             .format(desc.format)
@@ -109,7 +116,7 @@ impl Image {
             .array_layers(desc.layers)
             .samples(vk::SampleCountFlags::TYPE_1)
             .tiling(vk::ImageTiling::OPTIMAL)
-            .usage(desc.usage);
+            .usage(usage);
         // SAFETY: the device is alive; the extent was checked against the limits; `info` points at
         // nothing.
         let raw = unsafe { gpu.device().create_image(&info, gpu.host_callbacks()) }

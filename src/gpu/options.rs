@@ -47,7 +47,8 @@ pub struct GpuOptions {
     /// of these passes need no GPU then.
     pub as_hardware: bool,
     /// Whether new memory of buffers and images is filled with bytes 0xFF, which are NaN as numbers, where the host sees device
-    /// memory, as with software drivers. Work that relies on memory of zeros then shows. For tests.
+    /// memory, as with software drivers, and storage images whose contents a layout transition discards are overwritten. Work that relies on
+    /// memory of zeros, or on what a driver happens to keep, then shows. For tests.
     pub poison: bool,
     /// Whether shaders round the weights of linear filters to 8 fractional bits, as the samplers of most GPUs do. For tests.
     pub emulate_filter_weights: bool,

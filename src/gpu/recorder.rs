@@ -398,7 +398,7 @@ impl<'a> Recorder<'a> {
                 self.tracker.begin_after(used.key(), *last);
             }
         }
-        let (mut of_memory, mut of_images) = (Vec::new(), Vec::new());
+        let (mut of_memory, mut of_images, mut poisoned) = (Vec::new(), Vec::new(), Vec::new());
         for (used, usage) in steps.iter().flat_map(|step| &step.uses) {
             let key = used.key();
             match used {
@@ -411,7 +411,11 @@ impl<'a> Recorder<'a> {
                 _ => {}
             }
             let Some(barrier) = self.tracker.next(key, *usage) else { continue };
+            let discarded = barrier.around_clear().filter(|_| self.gpu.inner.poison);
             match used {
+                Used::Image(image) if discarded.is_some() && image.is_storage() => {
+                    poisoned.extend(discarded.map(|around| (Arc::clone(image), around)));
+                }
                 // Drivers order all memory alike, so equal barriers are one.
                 Used::Buffer(_) if of_memory.contains(&barrier) => {}
                 Used::Buffer(_) => of_memory.push(barrier),
@@ -419,6 +423,9 @@ impl<'a> Recorder<'a> {
                     of_images.push(image_barrier(vk::Image::from_raw(key.1), &barrier));
                 }
             }
+        }
+        for (image, around) in poisoned {
+            self.poison(commands, &image, &around);
         }
         if of_memory.is_empty() && of_images.is_empty() {
             return;
@@ -428,6 +435,33 @@ impl<'a> Recorder<'a> {
             vk::DependencyInfo::default().memory_barriers(&of_memory).image_memory_barriers(&of_images);
         // SAFETY: recording, outside of rendering; handles in `info` are alive; synchronization2 is on.
         unsafe { self.gpu.device().cmd_pipeline_barrier2(commands.raw(), &info) };
+    }
+
+    /// Overwrites an image whose contents a barrier discards: drivers may keep them, and hide that a shader relies on them.
+    fn poison(&self, commands: &CommandBuffer, image: &Image, [before, after]: &[Barrier; 2]) {
+        let value = match image.desc().format {
+            vk::Format::R32G32B32A32_UINT => vk::ClearColorValue { uint32: [0xdead_beef; 4] },
+            _ => vk::ClearColorValue { float32: [0.77; 4] },
+        };
+        let device = self.gpu.device();
+        let [before, after] = [before, after].map(|barrier| [image_barrier(image.raw, barrier)]);
+        let [before, after] =
+            [&before, &after].map(|of| vk::DependencyInfo::default().image_memory_barriers(of));
+        let (raw, layout) = (commands.raw(), vk::ImageLayout::TRANSFER_DST_OPTIMAL);
+        // SAFETY: recording, outside of rendering; handles are alive; synchronization2 is on.
+        unsafe { device.cmd_pipeline_barrier2(raw, &before) };
+        // SAFETY: recording, outside of rendering; the barrier has brought the image, which has TRANSFER_DST, into this layout.
+        unsafe {
+            device.cmd_clear_color_image(
+                raw,
+                image.raw,
+                layout,
+                &value,
+                &[whole(vk::ImageAspectFlags::COLOR)],
+            );
+        };
+        // SAFETY: as for the first barrier.
+        unsafe { device.cmd_pipeline_barrier2(raw, &after) };
     }
 
     /// Writes the timestamp before a pass, or the one after the last. It waits for earlier work, whose time does not count for the pass.

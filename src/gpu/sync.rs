@@ -101,6 +101,16 @@ pub(crate) struct Barrier {
     pub(crate) new_layout: Layout,
 }
 
+impl Barrier {
+    /// Returns the barriers before and after a clear of an image whose contents this one discards; `None` where it keeps them.
+    pub(crate) fn around_clear(&self) -> Option<[Self; 2]> {
+        let (stage, access, layout) = Use::TransferWrite.masks();
+        let before = Self { dst_stage: stage, dst_access: access, new_layout: layout, ..*self };
+        let after = Self { src_stage: stage, src_access: access, old_layout: layout, ..*self };
+        (self.old_layout == Layout::UNDEFINED).then_some([before, after])
+    }
+}
+
 /// A resource: the kind of its handle, image or not, and the handle. Handles of different kinds may be equal.
 pub(crate) type Key = (bool, u64);
 
