@@ -54,6 +54,9 @@ const KBUFFER_BYTES: u64 = 128;
 /// Bytes of all that a pixel takes, with the largest k-buffer.
 const PIXEL_BYTES: u64 = KBUFFER_BYTES + 24;
 
+/// Most parts that are chosen; the option `parts` allows as many.
+const MOST_PARTS: u32 = 4096;
+
 /// How often the parts are doubled where the device has less room than was estimated.
 const MOST_TRIES: u32 = 4;
 
@@ -135,7 +138,7 @@ fn fewest_parts(scene: &GpuScene, view: &View, desc: &MeshDesc) -> Result<u32> {
         return Ok(1);
     }
     let parts = of_part.div_ceil(room.max(1)).max((12 * faces).div_ceil(gpu.most_buffer_bytes())).max(2);
-    Ok(u32::try_from(parts).unwrap_or(u32::MAX).min(u32::try_from(cells).unwrap_or(u32::MAX).max(1)))
+    Ok(u32::try_from(parts).unwrap_or(u32::MAX).min(MOST_PARTS))
 }
 
 /// Binds the shader that draws the faces of each tile.

@@ -47,7 +47,7 @@ option_set! {
         pub chunk: Option<u32> = None => Rule::whole(1, 1_000_000).or("all", None).quiet(),
         /// Sets the parts of the mesh that are drawn one after the other, with route=compute, so that the device needs room for one at a time.
         /// auto takes one where there is room for all, else as many as it takes. The image is the same.
-        pub parts: Option<u32> = None => Rule::whole(1, 65_536).or("auto", None).quiet(),
+        pub parts: Option<u32> = None => Rule::whole(1, 4096).or("auto", None).quiet(),
         /// The options that techniques for meshes share.
         pub mesh: MeshOptions = MeshOptions::default() => GROUP,
     }
