@@ -72,7 +72,8 @@ fn main() -> Result<()> {
     let target = TargetDesc::caller(format, TargetMode::Over).in_part();
     let prepare = |view: &View| renderer.prepare(view, &target);
     let draw = |image: &mut Offscreen, views: &[View], plans: &mut [Plan]| -> Result<Vec<u8>> {
-        loop {
+        // Pages come in after a few turns.
+        for _ in 0..1000 {
             image.draw_beside(&mut plans.iter_mut().collect::<Vec<_>>(), [0.0; 4])?;
             let (status, bytes) = image.finish()?;
             if status.complete {
@@ -84,6 +85,10 @@ fn main() -> Result<()> {
                 }
             }
         }
+        Err(invalid(
+            "scene",
+            "does not fit the device: an eye begins anew while the other goes on".to_string(),
+        ))
     };
     let mut plans = [prepare(&views[0])?, prepare(&views[1])?];
     let mut pair = Offscreen::new(&gpu, format, [2 * extent[0], extent[1]])?;

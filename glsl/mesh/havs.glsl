@@ -175,7 +175,7 @@ void main() {
     float opaque = end_of_line(BACK_TO_FRONT);
     Source source = source_of(own);
     // Most parts of a mesh do not meet most pixels.
-    if (RESUME && !LAST_CHUNK && !has_next(source)) return;
+    if (RESUME && !LAST_CHUNK && !has_next(source) && !ended_early(source)) return;
     clear_window();
     Sweep sweep = empty_sweep();
     if (RESUME) sweep = load_sweep(pixel, unpack_state(flags[own.word]));

@@ -48,7 +48,7 @@ bool is_cut(Walk walk) {
 // A walk that is to go through `number` pairs of the bin of a tile of the band, from `first` on.
 Walk range_of(uint in_band, uint first, uint number) {
     uint begin = in_band == 0u ? 0u : bin_ends[in_band - 1u], end = bin_ends[in_band];
-    begin = min(begin + first, end);
+    begin += min(first, end - begin);
     end = begin + min(number, end - begin);
     // Wraps around before the first word.
     return Walk(uvec4(0u), begin / HIT_PAIRS * HIT_PAIRS - HIT_PAIRS, begin, end, 0u);

@@ -35,6 +35,11 @@ impl<K: Eq + Hash, V: Clone> Cache<K, V> {
         Ok(value.insert(build()?).clone())
     }
 
+    /// Forgets the value of a key.
+    pub(crate) fn forget(&self, key: &K) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).remove(key);
+    }
+
     /// Returns whether the value of a key is known, or is being built.
     pub(crate) fn has(&self, key: &K) -> bool {
         let slots = self.0.lock().unwrap_or_else(PoisonError::into_inner);

@@ -260,6 +260,13 @@ impl GpuScene {
         self.visible.primitives.has(&(kind, margin.map(f32::to_bits)))
     }
 
+    /// Forgets them, so that the device has room for parts, and the parts where there were too few.
+    pub(crate) fn forget_primitives(&self, kind: Primitives, margin: Option<f32>, parts: u32) {
+        let margin = margin.map(f32::to_bits);
+        self.visible.primitives.forget(&(kind, margin));
+        self.visible.parts.forget(&(kind, margin, parts));
+    }
+
     /// Returns the number of cells of the mesh that are drawn.
     pub(crate) fn drawn_cell_count(&self, margin: Option<f32>) -> Result<u64> {
         let drawn = drawn_cells(self.mesh()?, &self.scene.transfer, margin);

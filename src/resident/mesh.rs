@@ -1,6 +1,5 @@
 //! A mesh on the device: points and topology, scalars, and the faces or cells that are drawn.
 
-use std::sync::atomic::AtomicU32;
 use std::sync::{Arc, Mutex};
 
 use glam::DVec3;
@@ -34,8 +33,6 @@ pub(crate) struct MeshData {
     scalars: Cache<(), Arc<Buffer>>,
     /// Capacities that frames have needed so far, of faces and of cells.
     needs: [Arc<Mutex<Needs>>; 2],
-    /// The parts in which the device had room for its faces; 0: not known.
-    pub(crate) parts: AtomicU32,
 }
 
 /// Capacities that frames have needed.

@@ -27,9 +27,9 @@ pub(crate) struct MeshParts {
     space: LocalSpace,
     /// Finite ends of the transfer function, which infinite scalars become.
     ends: [f64; 2],
-    /// Most of any part.
+    /// What a part has at most.
     most: Extent,
-    /// Primitives of all parts.
+    /// The number of the primitives of all parts.
     pub(crate) primitives: u32,
     /// Capacities that frames of parts have needed so far.
     pub(crate) needs: Arc<Mutex<Needs>>,
@@ -149,10 +149,13 @@ impl MeshParts {
         self.parts.len()
     }
 
-    /// Returns the numbers of the parts in visibility order, but for those that no pixel's line of a view can meet, behind the eye or before it:
-    /// at least one.
-    pub(crate) fn order(&self, view: &View, push: &MeshPush) -> Vec<u32> {
-        let order = self.boxes.order(view);
+    /// Returns the numbers of the parts in the order of compositing. Those that no pixel's line of a view can meet, behind the eye or before it,
+    /// are left out, unless nothing would be left.
+    pub(crate) fn order(&self, view: &View, push: &MeshPush, back_to_front: bool) -> Vec<u32> {
+        let mut order = self.boxes.order(view);
+        if back_to_front {
+            order.reverse();
+        }
         let may_meet = |&part: &u32| meets(push, self.parts[num::index(part)].bounds);
         let seen: Vec<u32> = order.iter().copied().filter(may_meet).collect();
         if seen.is_empty() { order[..1].to_vec() } else { seen }

@@ -20,7 +20,6 @@
 mod options;
 mod raster;
 
-use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::{Error, Result};
@@ -51,8 +50,14 @@ const FACE_BYTES: [u64; 2] = [128, 160];
 /// Bytes of the largest k-buffer for each pixel.
 const KBUFFER_BYTES: u64 = 128;
 
-/// Bytes of all that a pixel takes, with the largest k-buffer.
-const PIXEL_BYTES: u64 = KBUFFER_BYTES + 24;
+/// Bytes of what else a pixel takes.
+const PIXEL_BYTES: u64 = 24;
+
+/// Bytes of a face, where scalars belong to cells.
+const LARGEST_FACE: u64 = 20;
+
+/// Most faces that are sorted at a time.
+const MOST_SORTED: u64 = 1 << 26;
 
 /// Most parts that are chosen; the option `parts` allows as many.
 const MOST_PARTS: u32 = 4096;
@@ -83,15 +88,13 @@ impl Draw for Options {
                 PartsFrame::new(scene, view, target, &desc, &mesh).map(|frame| Box::new(frame) as _)
             };
             match frame {
-                Err(Error::Memory { .. }) if self.parts.is_none() && parts >> MOST_TRIES < first => {
-                    parts *= 2
+                Err(Error::Memory { .. })
+                    if self.parts.is_none() && parts >> MOST_TRIES < first && parts < MOST_PARTS =>
+                {
+                    scene.forget_primitives(Primitives::Faces, whole.margin(scene), parts);
+                    parts = (2 * parts).min(MOST_PARTS);
                 }
-                Ok(frame) => {
-                    if self.parts.is_none() && parts > 1 {
-                        scene.mesh_data().parts.store(parts, Ordering::Relaxed);
-                    }
-                    return Ok(frame);
-                }
+                Ok(frame) => return Ok(frame),
                 Err(error) => return Err(error),
             }
         }
@@ -124,21 +127,21 @@ fn fewest_parts(scene: &GpuScene, view: &View, desc: &MeshDesc) -> Result<u32> {
     if scene.has_primitives(Primitives::Faces, margin) {
         return Ok(1);
     }
-    let known = scene.mesh_data().parts.load(Ordering::Relaxed);
-    if known > 0 {
-        return Ok(known);
-    }
     let cells = scene.drawn_cell_count(margin)?;
     // Two faces a cell, and some of the outline.
     let faces = 2 * cells + cells / 16 + 64;
-    let [width, height] = view.extent().map(u64::from);
-    let room = gpu.memory_left().saturating_sub(PIXEL_BYTES * width * height);
+    let most = (gpu.most_buffer_bytes() / LARGEST_FACE).min(MOST_SORTED);
+    let pixels = view.extent().into_iter().map(u64::from).product::<u64>();
+    // Some is left for what comes after, and for a plan that takes over from another.
+    let room = (gpu.memory_left() / 4 * 3).min(gpu.memory_budget() / 8 * 5);
     let [whole, of_part] = FACE_BYTES.map(|bytes| bytes * faces);
-    if whole <= room && 12 * faces <= gpu.most_buffer_bytes() {
+    if whole + PIXEL_BYTES * pixels <= room && faces <= most {
         return Ok(1);
     }
-    let parts = of_part.div_ceil(room.max(1)).max((12 * faces).div_ceil(gpu.most_buffer_bytes())).max(2);
-    Ok(u32::try_from(parts).unwrap_or(u32::MAX).min(MOST_PARTS))
+    // Where pixels take all the room, parts help little.
+    let room = room.saturating_sub((PIXEL_BYTES + KBUFFER_BYTES) * pixels).max(room / 8).max(1);
+    let parts = of_part.div_ceil(room).max(faces.div_ceil(most)).clamp(2, MOST_PARTS.into());
+    Ok(u32::try_from(parts.min(cells.max(1))).unwrap_or(MOST_PARTS))
 }
 
 /// Binds the shader that draws the faces of each tile.

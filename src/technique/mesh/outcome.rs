@@ -122,7 +122,8 @@ impl MeshOutcome {
             needs.lists = needs.lists.max(u32::try_from(fullest).unwrap_or(u32::MAX));
         }
         needs.longest_bin = needs.longest_bin.max(at(STATUS_LONGEST_BIN));
-        for (pairs, listed) in bins.iter().zip(&lists) {
+        // (Parts have one list for all their bands.)
+        for (pairs, listed) in bins.iter().zip(&lists).filter(|_| bins.len() == lists.len()) {
             // Smaller bands, where the lists of one did not fit.
             if *listed > u64::from(self.capacities.lists) && !self.deepens {
                 let ratio = u32::try_from(listed.div_ceil((*pairs).max(1))).unwrap_or(u32::MAX);

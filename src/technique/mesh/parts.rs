@@ -12,7 +12,7 @@
 //! What a recording leaves decides what comes next ([`Progress`]); [`Prepared::load`] then writes the next part where the device reads it.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
@@ -50,6 +50,7 @@ pub(crate) struct PartsFrame {
     repair: Option<Repairs>,
     overlaps: Option<(Sweep, Repairs)>,
     outcome: Arc<PartsOutcome>,
+    back_to_front: bool,
     /// The stage of the next recording, where it goes on with the image of the last one.
     next: Stage,
     resumes: AtomicBool,
@@ -94,8 +95,11 @@ struct Stage {
 struct Progress {
     /// The stage of the last recording.
     stage: Stage,
-    /// The parts that faces, and cells, are in.
+    /// The numbers of parts of faces, and of cells.
     parts: [usize; 2],
+    /// The stage after it, once it has ended; none where all is drawn, where a frame with more room has to begin anew, and after a change of the
+    /// view.
+    next: Option<Stage>,
 }
 
 #[derive(Debug)]
@@ -103,15 +107,6 @@ struct PartsOutcome {
     mesh: MeshOutcome,
     repairs: bool,
     progress: Mutex<Progress>,
-}
-
-/// What a recording leaves to do.
-#[derive(Debug)]
-struct Next {
-    /// The next stage; none where all is drawn, and where a frame with more room has to begin anew.
-    stage: Option<Stage>,
-    complete: bool,
-    counters: Vec<(&'static str, u64)>,
 }
 
 impl Stage {
@@ -132,7 +127,7 @@ impl Sweep {
         let (gpu, mesh) = (scene.gpu(), scene.mesh()?);
         let mut slot = PartSlot::new(gpu, parts)?;
         let ranking = desc.rank_part(scene, &slot)?;
-        let order = parts.order(view, push);
+        let order = parts.order(view, push, desc.options.back_to_front());
         let [across, down] = view.extent().map(|side| side.div_ceil(TILE));
         let tiles = across * down;
         let mut fills = Vec::new();
@@ -154,6 +149,11 @@ impl Sweep {
         }
         for (&part, found) in order.iter().zip(found) {
             bands[num::index(part)] = found;
+        }
+        let listed = parts.needs.lock().unwrap_or_else(PoisonError::into_inner).lists;
+        if listed > needs.lists {
+            let why = format!("{listed} fragments of pixels out of order; {} fit a buffer", needs.lists);
+            return Err(Error::unsupported(format!("{} in parts of this view", desc.name), why));
         }
         let hits = Hits::new(gpu, &ranking, bins, flagged.map(|list| (list.flags, list.listed)))?;
         Ok((Self { parts: Arc::clone(parts), slot, ranking, hits, bands, order }, needs))
@@ -249,6 +249,7 @@ impl PartsFrame {
             repair,
             overlaps,
             outcome: Arc::new(outcome),
+            back_to_front: desc.options.back_to_front(),
             next: Stage::default(),
             resumes: AtomicBool::new(false),
         })
@@ -303,11 +304,16 @@ impl PartsFrame {
 }
 
 impl PartsOutcome {
-    /// Returns what the last recording has left to do.
-    fn next(&self) -> Result<Next> {
+    fn progress(&self) -> MutexGuard<'_, Progress> {
+        self.progress.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Outcome for PartsOutcome {
+    fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
         let Read { fits, sorted, apart, flagged: [unsorted, overlapping], counters } =
             self.mesh.read_all()?;
-        let progress = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut progress = self.progress();
         let Stage { task, at } = progress.stage;
         let count = progress.parts[usize::from(progress.stage.of_cells())];
         let begin = |task| Some(Stage { task, at: 0 });
@@ -320,15 +326,9 @@ impl PartsOutcome {
             Task::CountCells => begin(Task::ListCells),
             Task::Draw | Task::List | Task::ListCells => None,
         };
-        let complete = fits && sorted && apart && stage.is_none();
-        Ok(Next { stage: stage.filter(|_| fits), complete, counters })
-    }
-}
-
-impl Outcome for PartsOutcome {
-    fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)> {
-        let Next { complete, counters, .. } = self.next()?;
-        Ok((complete, counters))
+        // What has no room, and overlaps that are met for the first time, need another plan.
+        progress.next = stage.filter(|_| fits && apart);
+        Ok((fits && sorted && apart && stage.is_none(), counters))
     }
 }
 
@@ -341,20 +341,21 @@ impl Prepared for PartsFrame {
         if eye_inside(&push) && !eye_inside(&self.push) {
             return Ok(false);
         }
-        let order = self.faces.parts.order(view, &push);
+        let order = self.faces.parts.order(view, &push, self.back_to_front);
         if !self.faces.slot.stage(self.scene.mesh()?, order[0], true) {
             return Ok(false);
         }
         self.faces.order = order;
         if let Some((cells, _)) = &mut self.overlaps {
-            cells.order = cells.parts.order(view, &push);
+            cells.order = cells.parts.order(view, &push, self.back_to_front);
         }
         (self.push, self.view, self.resumes) = (push, *view, AtomicBool::new(false));
+        self.outcome.progress().next = None;
         Ok(true)
     }
 
     fn load(&mut self) -> Result<bool> {
-        let Some(next) = self.outcome.next()?.stage else { return Ok(false) };
+        let Some(next) = self.outcome.progress().next.take() else { return Ok(false) };
         let sweep = match &mut self.overlaps {
             Some((cells, _)) if next.of_cells() => cells,
             _ => &mut self.faces,
@@ -413,7 +414,7 @@ impl Prepared for PartsFrame {
             }
             let parts =
                 [self.faces.order.len(), self.overlaps.as_ref().map_or(0, |(cells, _)| cells.order.len())];
-            *self.outcome.progress.lock().unwrap_or_else(PoisonError::into_inner) = Progress { stage, parts };
+            *self.outcome.progress() = Progress { stage, parts, next: None };
         }
         self.record_stage(recorder, stage);
     }

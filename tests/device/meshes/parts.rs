@@ -1,11 +1,15 @@
 //! Meshes in parts: images to the bit of those of the whole, whatever comes out of order, overlaps or lies in front.
 
-use glam::DVec3;
-use volraster::gpu::GpuOptions;
-use volraster::scene::{Field, Projection, Scene, Surface, TetScalars, Tets, View};
-use volraster::technique::Renderer;
-use volraster::{Error, GpuScene};
+#![allow(unsafe_code, reason = "plays the caller, who owns Vulkan objects")]
 
+use glam::DVec3;
+use volraster::ash::vk;
+use volraster::gpu::GpuOptions;
+use volraster::scene::{Camera, Field, Projection, Scene, Surface, TetScalars, Tets, View};
+use volraster::technique::Renderer;
+use volraster::{Error, GpuScene, Plan, TargetDesc, TargetMode};
+
+use crate::common::caller::Caller;
 use crate::common::*;
 use crate::meshes::support::*;
 
@@ -66,9 +70,78 @@ fn parts_back_to_front() {
     for (name, scene, views) in scenes().into_iter().filter(|(name, ..)| *name != "surfaces") {
         let on_gpu = GpuScene::new(&gpu, scene);
         for view in views {
-            let draw = |parts| draw_on(&on_gpu, &view, &format!("havs:order=back-to-front,parts={parts}"));
-            assert_eq!(draw(7), draw(1), "{name}");
+            let [whole, parts] = [1, 7]
+                .map(|n| Drawn::new(&on_gpu, &view, &format!("havs:k=7,order=back-to-front,parts={n}")));
+            assert_eq!(parts.image, whole.image, "{name}");
+            // Parts come from behind, too.
+            let unsorted = [&whole, &parts].map(|drawn| drawn.counter("kbuffer_overflow_pixels"));
+            assert!(unsorted[1] <= 2 * unsorted[0] + 100, "{name}: {unsorted:?}");
         }
+    }
+}
+
+/// A view that sees one part of four draws its faces once.
+#[test]
+fn one_part_alone() {
+    let gpu = gpu();
+    let on_gpu = GpuScene::new(&gpu, cubes(Field::Blobs, 8, &HAZE));
+    let camera = Camera {
+        eye: DVec3::new(0.6, 0.4, 5.0),
+        target: DVec3::new(0.6, 0.4, 0.0),
+        up: DVec3::Y,
+        projection: Projection::Perspective { fov_y_deg: 4.0 },
+    };
+    let view = View::new(camera, 40, 40).unwrap();
+    for more in ["repair=none", "repair=exact", "chunk=3"] {
+        let [whole, parts] = [1, 4].map(|n| Drawn::new(&on_gpu, &view, &format!("havs:parts={n},{more}")));
+        assert_eq!((parts.counter("parts"), parts.counter("parts_seen")), (4, 1));
+        assert_eq!(parts.image, whole.image, "{more}");
+        assert_eq!(parts.counter("fragments"), whole.counter("fragments"), "{more}");
+    }
+}
+
+/// What was recorded and never submitted, and what belongs to another view, does not count as drawn.
+#[test]
+fn frames_that_are_given_up_begin_anew() {
+    let gpu = gpu();
+    let on_gpu = GpuScene::new(&gpu, cubes(Field::Blobs, 6, &SHELLS));
+    let views = [view(perspective(), 1.0, 37, 29), view(orthographic(), -1.0, 37, 29)];
+    let renderer = Renderer::new(&on_gpu, technique("havs:parts=5"));
+    let format = vk::Format::R32G32B32A32_SFLOAT;
+    let mut plan = renderer.prepare(&views[0], &TargetDesc::caller(format, TargetMode::Clear)).unwrap();
+    assert!(!plan.load().unwrap());
+    let caller = Caller::new(&gpu, format, [37, 29], 16);
+    let record = |plan: &mut Plan| {
+        caller.begin([0.0; 4]);
+        plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap()
+    };
+    for given_up in ["nothing", "a recording", "a view"] {
+        let mut drawn = 0;
+        let bytes = loop {
+            let recorded = record(&mut plan);
+            let bytes = caller.end(&gpu);
+            drawn += 1;
+            if recorded.completed().unwrap().complete {
+                break bytes;
+            }
+            assert!(plan.load().unwrap());
+            if given_up == "a recording" && drawn == 2 {
+                let recorded = record(&mut plan);
+                // SAFETY: recording.
+                unsafe { caller.device.end_command_buffer(caller.commands) }.unwrap();
+                recorded.discarded();
+                assert!(!plan.load().unwrap());
+            }
+            if given_up == "a view" && drawn == 2 {
+                assert!(plan.set_view(&views[1]).unwrap());
+                assert!(!plan.load().unwrap());
+            }
+        };
+        assert_eq!(drawn, if given_up == "nothing" { 5 } else { 7 }, "{given_up}");
+        let view = &views[usize::from(given_up == "a view")];
+        let whole = draw_on(&on_gpu, view, "havs:parts=1");
+        let numbers: &[[f32; 4]] = bytemuck::cast_slice(&bytes);
+        assert_eq!(numbers, whole.pixels(), "{given_up}");
     }
 }
 
@@ -121,6 +194,10 @@ fn own_device_a_small_budget_makes_parts() {
     let drawn = Drawn::new(&on_gpu, &view, "havs");
     assert!(drawn.counter("parts") > 1);
     assert_eq!(drawn.image, whole);
+    // Pixels are no reason for parts.
+    let small = GpuScene::new(&gpu, cubes(Field::Blobs, 2, &HAZE));
+    let wide = View::new(*view.camera(), 300, 300).unwrap();
+    assert_eq!(Drawn::new(&small, &wide, "havs").counters.iter().find(|(name, _)| *name == "parts"), None);
     let error = Renderer::new(&on_gpu, technique("havs:parts=1")).render(&view).unwrap_err();
     assert!(matches!(error, Error::Memory { .. }), "{error}");
 }
