@@ -94,7 +94,8 @@ impl Chosen {
 
 impl MeshParts {
     /// Cuts the faces or cells of a mesh that are drawn into `count` parts of about the same number; with `margin` only those of visible
-    /// cells. Needs about 20 bytes of the host's memory for each face.
+    /// cells. Needs some 20 bytes of the host's memory for each face beside
+    /// its topology.
     ///
     /// # Errors
     ///

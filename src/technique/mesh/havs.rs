@@ -13,6 +13,8 @@
 //!    counted, and with `repair=exact` drawn again from their sorted list (`mesh/repairs.rs`, `mesh-lists.glsl`).
 //! 4. With `repair=exact`, pixels in which cells overlap are drawn again from lists of cells (`mesh/overlaps.rs`).
 //!
+//! A mesh that the device has no room for goes through these steps part by part (`mesh/parts.rs`).
+//!
 //! Error: that of the integrator; sorting adds none with `repair=exact`. Cost: a mask of 64 pixels for each tile that a
 //! face's box touches; a meeting with a plane, `k` comparisons and an integration for each fragment. Needs: core Vulkan 1.3; the route `interlock` needs
 //! `VK_EXT_fragment_shader_interlock`, `implementation-ordered` a driver that is known to keep the order of stores.

@@ -33,7 +33,8 @@ option_set! {
     /// Options of `havs`.
     pub struct Options {
         /// Sets the pairs of the k-buffer: a face may come k places too early. The work for each fragment grows with k. Raster routes
-        /// take at most 7. auto is 7, and 15 once many pixels of a mesh had to be drawn again with 7, and where a mesh is drawn in parts.
+        /// take at most 7. auto is 7, and 15 once many pixels of a mesh had to be drawn again with 7, or where a mesh is drawn in parts
+        /// and memory allows it.
         pub k: Option<u32> = None => Rule::whole(1, 15).or("auto", None),
         /// Selects how faces reach the pixels; auto is compute. interlock rasterises the faces, and a Vulkan extension orders the
         /// fragments. implementation-ordered needs no extension but a driver that is known to keep their order, which Vulkan does not
@@ -46,7 +47,7 @@ option_set! {
         /// image is the same.
         pub chunk: Option<u32> = None => Rule::whole(1, 1_000_000).or("all", None).quiet(),
         /// Sets the parts of the mesh that are drawn one after the other, with route=compute, so that the device needs room for one at a time.
-        /// auto takes one where there is room for all, else as many as it takes. The image is the same.
+        /// auto takes one where there is room for all, else as many as it takes. With repair=exact the image is the same.
         pub parts: Option<u32> = None => Rule::whole(1, 4096).or("auto", None).quiet(),
         /// The options that techniques for meshes share.
         pub mesh: MeshOptions = MeshOptions::default() => GROUP,
