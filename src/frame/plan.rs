@@ -470,7 +470,7 @@ impl Plan {
             self.final_image().and_then(|image| used(Used::Image(Arc::clone(image)))),
             self.prepared.overflow().and_then(|words| used(Used::Buffer(Arc::clone(words)))),
         ];
-        // What this recording does not use stays as it was.
+        // An image that this recording does not use stays as it was.
         let last = |image: Arc<Image>| {
             let known = self.kept.iter().find(|(kept, _)| Arc::ptr_eq(kept, &image)).map(|(_, last)| *last);
             used(Used::Image(Arc::clone(&image))).or(known).map(|last| (image, last))

@@ -25,6 +25,17 @@ pub(crate) enum Primitives {
     Cells,
 }
 
+impl Primitives {
+    /// Returns the words of one, where scalars belong to cells or to points (`glsl/mesh/cell-scalars.glsl`).
+    pub(crate) const fn words(self, cell_scalars: bool) -> usize {
+        match (self, cell_scalars) {
+            (Self::Cells, _) => 4,
+            (Self::Faces, true) => 5,
+            (Self::Faces, false) => 3,
+        }
+    }
+}
+
 /// Data that does not depend on the transfer function.
 #[derive(Debug, Default)]
 pub(crate) struct MeshData {

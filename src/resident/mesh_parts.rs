@@ -27,7 +27,7 @@ pub(crate) struct MeshParts {
     space: LocalSpace,
     /// Finite ends of the transfer function, which infinite scalars become.
     ends: [f64; 2],
-    /// What a part has at most.
+    /// The room that the largest part takes.
     most: Extent,
     /// The number of the primitives of all parts.
     pub(crate) primitives: u32,
@@ -94,8 +94,7 @@ impl Chosen {
 
 impl MeshParts {
     /// Cuts the faces or cells of a mesh that are drawn into `count` parts of about the same number; with `margin` only those of visible
-    /// cells. Needs some 20 bytes of the host's memory for each face beside
-    /// its topology.
+    /// cells. Beside the topology they take some 20 bytes of the host's memory for each face.
     ///
     /// # Errors
     ///
@@ -114,11 +113,9 @@ impl MeshParts {
         let (boxes, parts, primitives) = match kind {
             Primitives::Faces => {
                 let topology = data.topology(mesh)?;
-                let shown: Vec<&Face> = topology.faces().iter().collect();
-                let shown: Vec<&Face> = shown
-                    .into_par_iter()
-                    .filter(|face| is_drawn(face.front) || is_drawn(face.back))
-                    .collect();
+                let faces = topology.faces().par_iter();
+                let shown: Vec<&Face> =
+                    faces.filter(|face| is_drawn(face.front) || is_drawn(face.back)).collect();
                 let sides = |face: &Face| [is_drawn(face.front), is_drawn(face.back)];
                 cut(
                     mesh,
@@ -194,13 +191,13 @@ impl Part {
         let of_cells = matches!(mesh.scalars(), TetScalars::Cell(_));
         let both = |face: &&Face| [face.front, face.back].into_iter().filter(|&cell| cell != NONE);
         let beside = of_cells.then(|| Chosen::new(faces.iter().flat_map(both), mesh.cells().len()));
-        let mut words = Vec::with_capacity(faces.len() * if of_cells { 5 } else { 3 });
+        let mut words = Vec::with_capacity(faces.len() * Primitives::Faces.words(of_cells));
         for face in faces {
             let corners = face.corners.map(|point| points.place(point));
             let own =
                 |cell| beside.as_ref().filter(|_| cell != NONE).map_or(NONE, |beside| beside.place(cell));
             let face = face_words(corners, [own(face.front), own(face.back)], sides(face));
-            words.extend_from_slice(if of_cells { &face } else { &face[..3] });
+            words.extend_from_slice(if of_cells { &face } else { &face[..Primitives::Faces.words(false)] });
         }
         Self::new(mesh, space, &points, beside.map(|beside| beside.numbers()).unwrap_or_default(), words)
     }
@@ -326,12 +323,7 @@ impl PartSlot {
         if staged.part == Some(part) {
             return true;
         }
-        let [points, scalars, words] = &mut staged.buffers;
-        let place = |buffer: &mut Arc<Buffer>| Arc::get_mut(buffer).is_some();
-        if !(place(points) && place(scalars) && place(words)) {
-            return false;
-        }
-        let bytes = [points, scalars, words].map(|buffer| Arc::get_mut(buffer).and_then(Buffer::bytes_mut));
+        let bytes = staged.buffers.each_mut().map(|buffer| Arc::get_mut(buffer).and_then(Buffer::bytes_mut));
         let [Some(points), Some(scalars), Some(words)] = bytes else { return false };
         self.parts.write(mesh, part, [points, scalars, words]);
         staged.part = Some(part);

@@ -8,7 +8,7 @@ use crate::frame::lists::fragments::{Lists, entry_words};
 use crate::frame::lists::hits::Hits;
 use crate::frame::lists::ranking::Ranking;
 use crate::gpu::shader::{TILE, TILE_PIXELS};
-use crate::gpu::{Commands, Gpu, Recorder};
+use crate::gpu::{Commands, Gpu};
 use crate::interface::MeshPush;
 use crate::primitives::bins::{Bins, Fill, MOST_ENTRIES, with_margin};
 use crate::primitives::dispatch::{download, total};
@@ -49,27 +49,15 @@ pub(crate) fn measure(
     [tiles, across]: [u32; 2],
     flagged: bool,
 ) -> Result<Measured> {
-    let fill = measure_fill(gpu, ranking, [tiles, across], |recorder| ranking.record(recorder, push))?;
+    let fill = Fill::measure(gpu, ranking.name, &ranking.ranked(), [tiles, across], |recorder| {
+        ranking.record(recorder, push);
+    })?;
     let Measured { needs, bins, mut bands } = measured(gpu, ranking, known, &[fill], tiles, flagged)?;
     Ok(Measured { needs, bins, bands: bands.pop().unwrap_or_default() })
 }
 
-/// Counts the entries of the bin of each tile, after the passes that `stage` records, which rank the primitives.
-///
-/// # Errors
-///
-/// Those of [`Fill::measure`].
-pub(crate) fn measure_fill(
-    gpu: &Gpu,
-    ranking: &Ranking,
-    [tiles, across]: [u32; 2],
-    stage: impl FnOnce(&mut Recorder<'_>),
-) -> Result<Fill> {
-    Fill::measure(gpu, ranking.name, &ranking.ranked(), [tiles, across], stage)
-}
-
-/// Finds the bands of each of several lots of primitives that are drawn one after the other, from the entries of their bins, and makes bins
-/// for any of them.
+/// Finds the bands of each of several sets of primitives that are drawn one after the other, from the entries of their bins, and makes bins
+/// that hold any of the sets.
 ///
 /// # Errors
 ///

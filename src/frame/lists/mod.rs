@@ -11,7 +11,7 @@ mod hits;
 mod ranking;
 
 pub(crate) use bands::{Band, cut_into_bands};
-pub(crate) use capacity::{Measured, measure, measure_fill, measure_lists, measured};
+pub(crate) use capacity::{Measured, measure, measure_lists, measured};
 pub(crate) use fragments::Lists;
 pub(crate) use hits::Hits;
 pub(crate) use ranking::{Geometry, Ranking};

@@ -49,13 +49,8 @@ impl MeshDesc {
     /// Ranks the faces or cells of a part of the mesh.
     pub(crate) fn rank_part(&self, scene: &GpuScene, slot: &PartSlot) -> Result<Ranking> {
         let cell_scalars = matches!(scene.mesh()?.scalars(), TetScalars::Cell(_));
-        let words = match (self.primitives, cell_scalars) {
-            (Primitives::Cells, _) => 4,
-            (Primitives::Faces, true) => 5,
-            (Primitives::Faces, false) => 3,
-        };
         let [points, scalars, primitives] = slot.buffers.clone();
-        let [point_count, count] = slot.room(words);
+        let [point_count, count] = slot.room(self.primitives.words(cell_scalars));
         let geometry =
             Geometry { kind: self.primitives, points, point_count, scalars, cell_scalars, primitives, count };
         Ranking::new(scene.gpu(), self.name, geometry, self.options.back_to_front(), None)

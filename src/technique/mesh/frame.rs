@@ -163,8 +163,6 @@ impl Prepared for MeshFrame {
         if let Some(overlaps) = &self.overlaps {
             overlaps.record(recorder, &self.push);
         }
-        let status = &self.outcome.status;
-        recorder.copy_buffer("status", &self.ranking.status, status, status.size());
-        recorder.release_to_host(status);
+        self.outcome.record_status(recorder, "status", &self.ranking);
     }
 }

@@ -29,6 +29,7 @@ use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
 use crate::gpu::Bound;
 use crate::gpu::shader::{HAVS_REPAIR, HAVS_TILES, HavsRepair, HavsTiles};
+use crate::num;
 use crate::resident::GpuScene;
 use crate::resident::mesh::{Needs, Primitives};
 use crate::scene::View;
@@ -55,9 +56,6 @@ const KBUFFER_BYTES: u64 = 128;
 /// Bytes of what else a pixel takes.
 const PIXEL_BYTES: u64 = 24;
 
-/// Bytes of a face, where scalars belong to cells.
-const LARGEST_FACE: u64 = 20;
-
 /// Most faces that are sorted at a time.
 const MOST_SORTED: u64 = 1 << 26;
 
@@ -80,12 +78,13 @@ impl Draw for Options {
             Some(parts) => parts,
             None => fewest_parts(scene, view, &whole)?,
         };
+        let margin = whole.margin(scene);
         let mut parts = first;
         loop {
             let frame: Result<Box<dyn Prepared>> = if parts == 1 {
                 MeshFrame::new(scene, view, target, whole, None).map(|frame| Box::new(frame) as _)
             } else {
-                let mesh = scene.mesh_parts(Primitives::Faces, whole.margin(scene), parts)?;
+                let mesh = scene.mesh_parts(Primitives::Faces, margin, parts)?;
                 let desc = self.desc(&mesh.needs, large);
                 PartsFrame::new(scene, view, target, &desc, &mesh).map(|frame| Box::new(frame) as _)
             };
@@ -93,7 +92,7 @@ impl Draw for Options {
                 Err(Error::Memory { .. })
                     if self.parts.is_none() && parts >> MOST_TRIES < first && parts < MOST_PARTS =>
                 {
-                    scene.forget_primitives(Primitives::Faces, whole.margin(scene), parts);
+                    scene.forget_primitives(Primitives::Faces, margin, parts);
                     parts = (2 * parts).min(MOST_PARTS);
                 }
                 Ok(frame) => return Ok(frame),
@@ -132,7 +131,8 @@ fn fewest_parts(scene: &GpuScene, view: &View, desc: &MeshDesc) -> Result<u32> {
     let cells = scene.drawn_cell_count(margin)?;
     // Two faces a cell, and some of the outline.
     let faces = 2 * cells + cells / 16 + 64;
-    let most = (gpu.most_buffer_bytes() / LARGEST_FACE).min(MOST_SORTED);
+    let largest = 4 * num::wide(Primitives::Faces.words(true));
+    let most = (gpu.most_buffer_bytes() / largest).min(MOST_SORTED);
     let pixels = view.extent().into_iter().map(u64::from).product::<u64>();
     // Some is left for what comes after, and for a plan that takes over from another.
     let room = (gpu.memory_left() / 4 * 3).min(gpu.memory_budget() / 8 * 5);

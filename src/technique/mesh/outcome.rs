@@ -3,12 +3,13 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::{Error, Result};
+use crate::frame::lists::Ranking;
 use crate::frame::prepared::Outcome;
 use crate::gpu::shader::{
     STATUS_CUT, STATUS_FRAGMENTS, STATUS_FRAGMENTS_HIGH, STATUS_LONGEST_BIN, STATUS_LOST, STATUS_NAN_KEYS,
     STATUS_OVERFLOW_PIXELS, STATUS_OVERLAPS, STATUS_UNREPAIRED,
 };
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::num;
 use crate::primitives::dispatch::{download, total, words};
 use crate::resident::mesh::Needs;
@@ -68,7 +69,7 @@ impl MeshOutcome {
     }
 }
 
-/// What a frame of a mesh tells when it has ended.
+/// The report of a frame of a mesh that has ended.
 #[derive(Debug)]
 pub(crate) struct Read {
     /// Whether everything had room.
@@ -90,6 +91,12 @@ impl Outcome for MeshOutcome {
 }
 
 impl MeshOutcome {
+    /// Records the copy of the status to the host.
+    pub(crate) fn record_status(&self, recorder: &mut Recorder<'_>, name: &str, ranking: &Ranking) {
+        recorder.copy_buffer(name, &ranking.status, &self.status, self.status.size());
+        recorder.release_to_host(&self.status);
+    }
+
     /// Reads the status and the totals, and notes what later frames need.
     pub(crate) fn read_all(&self) -> Result<Read> {
         let status = words(&self.status.host_copy()?);

@@ -48,9 +48,7 @@ impl Overlaps {
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &MeshPush) {
         self.ranking.record(recorder, push);
         self.repair.record_all(recorder, push, &self.outcome);
-        let status = &self.outcome.status;
-        recorder.copy_buffer("overlaps.status", &self.ranking.status, status, status.size());
-        recorder.release_to_host(status);
+        self.outcome.record_status(recorder, "overlaps.status", &self.ranking);
     }
 
     /// Returns the outcome of these passes.

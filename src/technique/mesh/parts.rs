@@ -9,20 +9,22 @@
 //!    drawn as those of the whole mesh ([`Repairs`]).
 //! 3. Where cells overlap, the same is done with the cells of these pixels, from the next frame after the first overlap on.
 //!
-//! What a recording leaves decides what comes next ([`Progress`]); [`Prepared::load`] then writes the next part where the device reads it.
+//! The status that a recording leaves decides what comes next ([`Progress`]); [`Prepared::load`] then writes the next part where the device
+//! reads it.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
-use crate::frame::lists::{Band, Hits, Measured, Ranking, measure_fill, measured};
+use crate::frame::lists::{Band, Hits, Measured, Ranking, measured};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::Canvas;
 use crate::gpu::shader::{FLAG_OVERLAPS, STATUS_WORDS, TILE};
 use crate::gpu::{Buffer, Image, Recorder, TargetImage};
 use crate::interface::MeshPush;
 use crate::num;
+use crate::primitives::bins::Fill;
 use crate::primitives::dispatch::download;
 use crate::resident::GpuScene;
 use crate::resident::local_space::LocalSpace;
@@ -69,7 +71,7 @@ struct Sweep {
     order: Vec<u32>,
 }
 
-/// What a recording does with a part.
+/// The work that a recording does on a part.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Task {
     /// Draws its faces.
@@ -133,20 +135,18 @@ impl Sweep {
         let mut fills = Vec::new();
         for &part in &order {
             slot.stage(mesh, part, false);
-            fills.push(measure_fill(gpu, &ranking, [tiles, across], |recorder| {
+            fills.push(Fill::measure(gpu, desc.name, &ranking.ranked(), [tiles, across], |recorder| {
                 slot.record(recorder, false);
                 ranking.record(recorder, push);
             })?);
         }
         let Measured { needs, bins, bands: found } =
             measured(gpu, &ranking, &parts.needs, &fills, tiles, flagged.is_some())?;
-        // A part that comes into view later is taken for one band, until a frame finds that it needs more.
-        let mut bands = vec![vec![Band { first: 0, tiles }]; parts.count()];
+        // A part that comes into view later has bands as wide as the widest, until a frame finds that it needs more.
         let widest = found.iter().flatten().map(|band| band.tiles).max().unwrap_or(tiles);
-        if widest < tiles {
-            let cut = |first| Band { first, tiles: widest.min(tiles - first) };
-            bands = vec![(0..tiles).step_by(num::index(widest)).map(cut).collect(); parts.count()];
-        }
+        let cut = |first| Band { first, tiles: widest.min(tiles - first) };
+        let unseen: Vec<Band> = (0..tiles).step_by(num::index(widest)).map(cut).collect();
+        let mut bands = vec![unseen; parts.count()];
         for (&part, found) in order.iter().zip(found) {
             bands[num::index(part)] = found;
         }
@@ -185,12 +185,6 @@ impl Sweep {
             recorder.clear_buffer("totals.clear", total);
             recorder.release_to_host(total);
         }
-    }
-
-    /// Records the copy of the status to the host.
-    fn record_end(&self, recorder: &mut Recorder<'_>, outcome: &MeshOutcome) {
-        recorder.copy_buffer("status", &self.ranking.status, &outcome.status, outcome.status.size());
-        recorder.release_to_host(&outcome.status);
     }
 }
 
@@ -296,9 +290,9 @@ impl PartsFrame {
                 }
             }
         }
-        self.faces.record_end(recorder, &self.outcome.mesh);
+        self.outcome.mesh.record_status(recorder, "status", &self.faces.ranking);
         if let Some(((sweep, _), outcome)) = cells {
-            sweep.record_end(recorder, outcome);
+            outcome.record_status(recorder, "status", &sweep.ranking);
         }
     }
 }
@@ -326,7 +320,7 @@ impl Outcome for PartsOutcome {
             Task::CountCells => begin(Task::ListCells),
             Task::Draw | Task::List | Task::ListCells => None,
         };
-        // What has no room, and overlaps that are met for the first time, need another plan.
+        // Another plan has to follow where room was short, and where overlaps are met for the first time.
         progress.next = stage.filter(|_| fits && apart);
         Ok((fits && sorted && apart && stage.is_none(), counters))
     }

@@ -130,7 +130,7 @@ impl TileDraw {
     ) {
         let push = MeshPush { count: band.tiles, band: band.first, ..*push };
         let whole = self.passes.len() == 1;
-        // What is the first and the last part at once takes two dispatches.
+        // A part that is both the first and the last takes two dispatches.
         let dispatches = if first && last && !whole { self.chunks.max(2) } else { self.chunks };
         for chunk in 0..dispatches {
             let [begins, ends] = [first && chunk == 0, last && chunk + 1 == dispatches];
