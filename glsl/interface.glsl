@@ -217,11 +217,14 @@
 #define PAGE_HELD 2147483648   // it is in a slot
 #define PAGE_HIDDEN 1073741824 // nothing is visible in it
 
-// Words of BINDING_WANTED: whether a ray has not ended; the number of missed pages; the first of them; then a word for each page: whether it
-// has been missed.
+// Words of BINDING_WANTED: whether a ray has not ended; bits of the greatest transmittance of such rays; the sum of their squared
+// transmittances in units of 2^-16, the lower word first; the number of missed pages; the first of them; then a word for each page: whether
+// it has been missed.
 #define WANTED_UNFINISHED 0
-#define WANTED_COUNT 1
-#define WANTED_FIRST 2
+#define WANTED_GREATEST 1
+#define WANTED_SQUARES 2
+#define WANTED_COUNT 4
+#define WANTED_FIRST 5
 #define WANTED_MOST 4096
 
 // Words of BINDING_COUNTS: sums, the lower word first.

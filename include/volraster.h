@@ -1365,6 +1365,15 @@ typedef struct vr_status {
      * Number of counters.
      */
     uint32_t counter_count;
+    /**
+     * How far the image is from the complete one at most, in each component of its premultiplied linear colour and opacity: root of the mean
+     * square over pixels. 0 if it is complete, INFINITY if no bound is known; there is one for grids in pages.
+     */
+    double bound_rmse;
+    /**
+     * The same at any pixel.
+     */
+    double bound_greatest;
 } vr_status;
 
 #ifdef __cplusplus
@@ -1976,4 +1985,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 1e4bd1f6bbe2a709 */
+/* Checksum of the sources: 318a62117a3905bd */

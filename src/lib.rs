@@ -27,7 +27,7 @@ pub mod window;
 
 pub use ash;
 pub use error::{Error, Result};
-pub use frame::{Offscreen, Plan, RecordInfo, Recorded, Status, TargetDesc, TargetMode};
+pub use frame::{ErrorBound, Offscreen, Plan, RecordInfo, Recorded, Status, TargetDesc, TargetMode};
 pub use glam;
 pub use gpu::Gpu;
 pub use image::{Colours, Image};

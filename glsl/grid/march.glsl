@@ -21,8 +21,8 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 
 // Most slabs of one turn of a march: their samples are fetched before the first is classified, so that one fetch does not wait for the
-// other. A turn takes one where surfaces split slabs, and where it does so much else that two only cost registers: light, look-ups of
-// pages and at the ends of segments.
+// other. A turn takes one where surfaces split slabs, and where it does so much else that two only cost registers: light, and integrals
+// between the ends of segments.
 const uint MOST_AT_ONCE = 2u;
 
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
@@ -69,6 +69,14 @@ bool knows(uint value, uint slab) {
     return PAGED && slab == before.slab && value != UNKNOWN;
 }
 
+// Finds the page of the first of a run of slabs, `slab` to before `stop`, and the next one that the ray meets. Returns the slab before which its
+// samples leave these two: the first lies at depth z, and the others follow by h or less each.
+uint run_on_pages(uint slab, uint stop, float z, float h, Ray ray, Lattice lattice) {
+    if (!PAGED) return stop;
+    enter_pages(ray, z, fma(float(stop - slab), h, z), lattice);
+    return uint(clamp(floor((page_until - z) / h) + float(slab + 1u), float(slab + 1u), float(stop)));
+}
+
 // Returns the slabs of this dispatch, of those that the ray meets: of a grid in pages the next, else all.
 uvec2 slabs_ahead(uvec2 slabs) {
     if (!PAGED) return slabs;
@@ -112,11 +120,12 @@ void pass_layers(inout LayersAhead ahead, float depth, float opaque, inout vec4 
 }
 
 // Notes how far the ray has come that ends before slab `end`. Returns whether this is its end; only a ray through pages may have another.
+// Of maximum intensity projection `transmittance` is the greatest scalar.
 bool ends_ray(ivec2 pixel, uint slab, uint end, float transmittance, float opaque, float reached, LayersAhead ahead, uint front, uint back) {
     if (!PAGED) return true;
     bool ended = !has_missed() && (slab >= end || transmittance <= opaque);
     rays[number_of(pixel)] = RayState(ended ? RAY_ENDED : slab, transmittance, reached, ahead.depth, front, back);
-    if (!ended) note_unfinished();
+    if (!ended) note_unfinished(GREATEST ? 1.0 : transmittance);
     return ended;
 }
 

@@ -10,10 +10,6 @@ layout(constant_id = SPEC_OWNED) const bool OWNED = false;
 
 layout(set = 0, binding = BINDING_LINE_OWNED, std430) readonly buffer LineOwned { vec2 line_owned[]; };
 
-float middle_of(vec2 piece) {
-    return 0.5 * (piece.x + piece.y);
-}
-
 // Narrows a range [x, y) of numbers of pieces, whose middles grow along the ray, to those that belong to the part of space. PIECE is the
 // piece of the number `i`. (A macro, because techniques number their pieces each in its own way.)
 #define KEEP_OWNED(RANGE, PIECE, PIXEL) \

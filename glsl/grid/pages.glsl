@@ -13,6 +13,7 @@
 #include "shared/interpolated.glsl"
 #include "frame/counts.glsl"
 #include "grid/lattice.glsl"
+#include "grid/ray.glsl"
 
 layout(constant_id = SPEC_PAGED) const bool PAGED = false;
 
@@ -111,20 +112,53 @@ float between_texels(sampler3D texels, ivec3 i, ivec3 j, vec3 w, int level) {
     return interpolated(low, high, w.z);
 }
 
-// Returns the stored value at an offset, of at most a cell along each axis, from an index of the grid, on whose page it is found. `last` is the
-// greatest index; it interpolates along the axes whose component of `along` is 1, and the others are 0. Returns 0 where that page is missed.
-float stored_on_page(sampler3D pool, vec3 index, vec3 offset, vec3 along, vec3 last, Lattice lattice) {
-    bool around = offset != vec3(0.0);
-    if (!find_page(clamp(floor(index), vec3(0.0), last - 1.0), around, lattice.pages, last)) return 0.0;
-    index = clamp(index + offset, vec3(0.0), last);
+// Returns the stored value at an index of the grid on a page that is held, of which texels of the pool are `first` beyond it. `last` is the
+// greatest index; it interpolates along the axes whose component of `along` is 1, and the others are 0.
+float on_page(sampler3D pool, vec3 index, vec3 first, vec3 along, vec3 last, Lattice lattice) {
     if (!FILTER_EXACT) {
         ++taken_fetches;
-        vec3 coordinate = (index + pool_first + 0.5) * lattice.texel;
+        vec3 coordinate = (index + first + 0.5) * lattice.texel;
         return textureLod(pool, sampled_at(coordinate, vec3(textureSize(pool, 0))), 0.0).r;
     }
     vec3 base = min(floor(index), last - along);
-    ivec3 i = whole_of(base + pool_first);
+    ivec3 i = whole_of(base + first);
     return between_texels(pool, i, i + ivec3(along), index - base, 0);
+}
+
+// The same at an offset, of at most a cell along each axis, from an index on whose page it is found. Returns 0 where that page is missed.
+float stored_on_page(sampler3D pool, vec3 index, vec3 offset, vec3 along, vec3 last, Lattice lattice) {
+    bool around = offset != vec3(0.0);
+    if (!find_page(clamp(floor(index), vec3(0.0), last - 1.0), around, lattice.pages, last)) return 0.0;
+    return on_page(pool, clamp(index + offset, vec3(0.0), last), pool_first, along, last, lattice);
+}
+
+// Samples of a ray are taken in runs that lie on two pages: between runs they are looked up, in them they are not. That suits invocations that
+// run in lockstep, which change pages at different depths, and lets the fetches of several samples begin together.
+float run_until = -3e38; // depth up to which they lie on the first page, or in its apron
+vec3 run_first;          // a texel of the pool is so far beyond the index of the first page
+float page_until;        // depth up to which they lie on the last page that was found
+
+// Finds the page at depth z of a ray. Where it is missed, or not held and shows nothing, `page_until` is z.
+void enter_page(Ray ray, float z, Lattice lattice) {
+    const float IN_APRON = 0.9; // cells, less than 1 against rounding
+    vec3 last = 2.0 * lattice.half_size, cell = clamp(floor(fma(vec3(z), ray.d, ray.q) + lattice.half_size), vec3(0.0), last - 1.0);
+    page_until = z;
+    if (!find_page(cell, false, lattice.pages, last) || last_page.x < 0.0) return;
+    vec3 face = mix(last_page * float(PAGE) - IN_APRON, (last_page + 1.0) * float(PAGE) + IN_APRON, greaterThan(ray.inverse, vec3(0.0)));
+    vec3 leave = (face - lattice.half_size - ray.q) * ray.inverse;
+    page_until = max(min(min(leave.x, leave.y), leave.z), z);
+}
+
+// Finds the pages of a run of samples between two depths: that of the first, and the next one, unless it is missed. The run ends at `page_until`.
+void enter_pages(Ray ray, float z, float last, Lattice lattice) {
+    enter_page(ray, z, lattice);
+    run_first = pool_first;
+    run_until = page_until;
+    for (uint once = 0u; once < uint(!has_missed() && run_until > z && run_until < last); ++once) {
+        enter_page(ray, run_until, lattice);
+        // It is missed only once the ray is there.
+        missed_page = 0u;
+    }
 }
 
 // Returns parameters of reconstruction with those of a pool of pages.

@@ -24,9 +24,13 @@ const uint RAY_ENDED = 0xffffffffu;
 const uint UNKNOWN = 0xffffffffu;
 const RayState FIRST_STATE = RayState(0u, 1.0, -3e38, -3e38, UNKNOWN, UNKNOWN);
 
-// Notes that a ray has not ended, and the page that it has missed.
-void note_unfinished() {
+// Notes that a ray has not ended, how much may still come from behind, and the page that it has missed.
+void note_unfinished(float transmittance) {
     if (wanted[WANTED_UNFINISHED] == 0u) wanted[WANTED_UNFINISHED] = 1u;
+    uint bits = floatBitsToUint(transmittance), square = uint(ceil(transmittance * transmittance * 65536.0));
+    if (wanted[WANTED_GREATEST] < bits) atomicMax(wanted[WANTED_GREATEST], bits);
+    uint sum = atomicAdd(wanted[WANTED_SQUARES], square) + square;
+    if (sum < square) atomicAdd(wanted[WANTED_SQUARES + 1], 1u);
     if (missed_page == 0u) return;
     uint mark = WANTED_FIRST + WANTED_MOST + missed_page - 1u;
     if (wanted[mark] != 0u || atomicExchange(wanted[mark], 1u) != 0u) return;

@@ -10,6 +10,11 @@ struct Ray {
     float length_per_depth; // world length of one unit of depth
 };
 
+// Returns the depth in the middle of a piece of a ray.
+float middle_of(vec2 piece) {
+    return 0.5 * (piece.x + piece.y);
+}
+
 // Returns 1 / d, finite: a zero component would give 0 * inf = NaN on a face of the domain itself.
 vec3 finite_inverse(vec3 d) {
     vec3 safe = mix(d, vec3(1e-30), lessThan(abs(d), vec3(1e-30)));

@@ -32,7 +32,9 @@
 #include "grid/tile-step.glsl"
 #include "grid/pilots.glsl"
 
-const uint AT_ONCE = LAYERS || LIT || PAGED || INTEGRATOR != INTEGRATOR_MIDPOINT ? 1u : MOST_AT_ONCE;
+// Whether samples are taken in runs on pages. Surfaces split slabs, and light takes samples around.
+const bool RUNS = !LAYERS && !LIT;
+const uint AT_ONCE = RUNS && INTEGRATOR == INTEGRATOR_MIDPOINT ? MOST_AT_ONCE : 1u;
 
 // The segments of a ray: segment i begins at depth z0 + i h. Those from `first` to before `end` show anything; `first` may be -1.
 struct Segments {
@@ -53,6 +55,11 @@ Segments segments_of(Ray ray, vec2 interval, ivec2 pixel, float spacing) {
 // Returns the piece of the ray of a segment; the last of all, before segment `last`, ends at depth `far`.
 vec2 segment(Segments all, uint i, uint last, float far) {
     return vec2(fma(float(i), all.h, all.z0), min(fma(float(min(i + 1u, last)), all.h, all.z0), far));
+}
+
+// Returns the depth of the sample that a segment's turn takes.
+float sample_of(vec2 piece) {
+    return INTEGRATOR == INTEGRATOR_MIDPOINT ? middle_of(piece) : piece.y;
 }
 
 // Marches the segments of a ray from `i` to before `last`, and leaves the number of the next in `i`. The last of all ends at depth `far`.
@@ -76,41 +83,48 @@ void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint 
             known.x = floatBitsToUint(texel);
             front = face_of(texel, lattice);
         }
-        for (; i < stop && transmittance > opaque; i += AT_ONCE) {
-            vec2 pieces[MOST_AT_ONCE];
-            float texels[MOST_AT_ONCE];
-            bool cut = false;
-            float split = reached;
-            for (uint k = 0u; k < AT_ONCE; ++k) {
-                vec2 piece = segment(all, i + k, last, far);
-                cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
-                pieces[k] = piece;
-                float at = INTEGRATOR == INTEGRATOR_MIDPOINT ? 0.5 * (piece.x + piece.y) : piece.y;
-                texels[k] = knows(before.back, i + k) ? uintBitsToFloat(before.back) : stored_at(ray, at, lattice);
-            }
-            if (has_missed()) break;
-            if (PAGED) before.back = UNKNOWN;
-            for (uint k = 0u; k < AT_ONCE; ++k) {
-                float begin = pieces[k].x, end = AT_ONCE == 1u || transmittance > opaque ? pieces[k].y : begin;
-                float len = max(end - begin, 0.0) * ray.length_per_depth;
-                vec4 emission;
-                if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
-                    vec4 optics = classify(scalar_of(texels[k], lattice), knots);
-                    emission = emission_of(optics.rgb, HAS_NAN && is_nan(texels[k]) ? 0.0 : optics.a * len);
-                } else {
-                    Face back = face_of(texels[k], lattice);
-                    emission = between_faces(front, back, len, knots);
-                    front = back;
+        while (i < stop && transmittance > opaque && !has_missed()) {
+            uint end = RUNS ? run_on_pages(i, stop, sample_of(segment(all, i, last, far)), h, ray, lattice) : stop;
+            for (; i < end && transmittance > opaque && !has_missed(); i += AT_ONCE) {
+                vec2 pieces[MOST_AT_ONCE];
+                float texels[MOST_AT_ONCE];
+                bool cut = false;
+                float split = reached;
+                for (uint k = 0u; k < AT_ONCE; ++k) {
+                    vec2 piece = segment(all, i + k, last, far);
+                    cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
+                    pieces[k] = piece;
+                    float at = sample_of(piece);
+                    texels[k] = RUNS                        ? stored_in_run(ray, at, lattice)
+                                : knows(before.back, i + k) ? uintBitsToFloat(before.back)
+                                                            : stored_at(ray, at, lattice);
                 }
-                if (LIT) emission = lit(emission, ray, fma(emitted_at, end - begin, begin), lattice);
-                known.y = floatBitsToUint(texels[k]);
                 if (has_missed()) break;
-                add_part(pixel, sum, transmittance, emission, vec2(begin, end));
-                known = uvec2(floatBitsToUint(texels[k]), UNKNOWN);
+                if (PAGED) before.back = UNKNOWN;
+                for (uint k = 0u; k < AT_ONCE; ++k) {
+                    bool drawn = AT_ONCE == 1u || i + k < end && transmittance > opaque;
+                    vec2 piece = drawn ? pieces[k] : pieces[k].xx;
+                    float len = max(piece.y - piece.x, 0.0) * ray.length_per_depth;
+                    vec4 emission;
+                    if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
+                        vec4 optics = classify(scalar_of(texels[k], lattice), knots);
+                        emission = emission_of(optics.rgb, HAS_NAN && is_nan(texels[k]) ? 0.0 : optics.a * len);
+                    } else {
+                        Face back = face_of(texels[k], lattice);
+                        emission = between_faces(front, back, len, knots);
+                        front = back;
+                    }
+                    if (LIT) emission = lit(emission, ray, fma(emitted_at, piece.y - piece.x, piece.x), lattice);
+                    known.y = floatBitsToUint(texels[k]);
+                    if (has_missed()) break;
+                    add_part(pixel, sum, transmittance, emission, piece);
+                    known = uvec2(floatBitsToUint(texels[k]), UNKNOWN);
+                }
+                if (has_missed()) break;
+                reached = split;
+                if (cut) --i;
             }
-            if (has_missed()) break;
-            reached = split;
-            if (cut) --i;
+            if (RUNS) i = min(i, end);
         }
     }
 }

@@ -80,6 +80,10 @@ void main() {
 #ifdef COMPUTE
 #include "grid/march.glsl"
 
+// Whether samples are taken in runs on pages. Surfaces split slabs, light takes samples around, and slabs with whole ends lie beyond
+// the domain.
+const bool RUNS = !LAYERS && !LIT && CLIP_ENDS;
+
 void main() {
     ivec2 pixel;
     if (!own_pixel(pixel)) return;
@@ -111,26 +115,32 @@ void main() {
         if (has_missed()) break;
         known_front = floatBitsToUint(texel);
         Face front = face_of(texel, lattice);
-        for (; slab < stop && transmittance > opaque; ++slab) {
-            vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
-            float split = reached;
-            bool cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
-            float texel = knows(before.back, slab) ? uintBitsToFloat(before.back) : stored_at(ray, piece.y, lattice);
-            if (has_missed()) break;
-            before.back = UNKNOWN;
-            Face back = face_of(texel, lattice);
-            if (piece.x < piece.y) {
-                vec4 emission = slab_emission(ray, piece, front, back, lattice, knots);
-                known_back = floatBitsToUint(texel);
+        while (slab < stop && transmittance > opaque && !has_missed()) {
+            float first = min(fma(float(slab + 1u), h, z0), interval.y);
+            uint end = RUNS ? run_on_pages(slab, stop, first, h, ray, lattice) : stop;
+            for (; slab < end && transmittance > opaque && !has_missed(); ++slab) {
+                vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
+                float split = reached;
+                bool cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
+                float texel = RUNS                        ? stored_in_run(ray, piece.y, lattice)
+                              : knows(before.back, slab) ? uintBitsToFloat(before.back)
+                                                         : stored_at(ray, piece.y, lattice);
                 if (has_missed()) break;
-                known_back = UNKNOWN;
-                add_part(pixel, sum, transmittance, emission, piece);
-                front = back;
-                known_front = floatBitsToUint(texel);
+                before.back = UNKNOWN;
+                Face back = face_of(texel, lattice);
+                if (piece.x < piece.y) {
+                    vec4 emission = slab_emission(ray, piece, front, back, lattice, knots);
+                    known_back = floatBitsToUint(texel);
+                    if (has_missed()) break;
+                    known_back = UNKNOWN;
+                    add_part(pixel, sum, transmittance, emission, piece);
+                    front = back;
+                    known_front = floatBitsToUint(texel);
+                }
+                reached = split;
+                // Where a surface splits a slab, the slab is taken again for the rest.
+                if (cut) --slab;
             }
-            reached = split;
-            // Where a surface splits a slab, the slab is taken again for the rest.
-            if (cut) --slab;
         }
     }
     bool ends = ends_ray(pixel, slab, all.y, transmittance, opaque, reached, ahead, known_front, known_back);

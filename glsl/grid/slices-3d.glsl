@@ -31,18 +31,13 @@
 #include "grid/lighting.glsl"
 #include "grid/slab.glsl"
 
-// Returns the stored value in the middle of a piece of the ray.
-float slice_texel(Ray ray, vec2 piece, Lattice lattice) {
-    return stored_at(ray, 0.5 * (piece.x + piece.y), lattice);
-}
-
 // Returns premultiplied colour and opacity of a piece of the ray with the stored value of its middle, lit where the scene is.
 vec4 slice_emission(float texel, Ray ray, vec2 piece, Lattice lattice, uint knots) {
     vec4 optics = classify(scalar_of(texel, lattice), knots);
     float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
     // Multiply the lengths first, then the extinction: 0 * tau must stay 0.
     vec4 emission = emission_of(optics.rgb, tau * (max(piece.y - piece.x, 0.0) * ray.length_per_depth));
-    return LIT ? lit(emission, ray, 0.5 * (piece.x + piece.y), lattice) : emission;
+    return LIT ? lit(emission, ray, middle_of(piece), lattice) : emission;
 }
 
 #ifdef VERTEX
@@ -70,14 +65,17 @@ void main() {
     Ray ray = ray_of(gl_FragCoord.xy);
     vec2 piece = slab_piece(slab_begin(slab_in), slab_begin(slab_in + 1u), interval_of(ray, gl_FragCoord.xy));
     Lattice lattice = load_lattice();
-    blend(slice_emission(slice_texel(ray, piece, lattice), ray, piece, lattice, push.knots), slab_in);
+    blend(slice_emission(stored_at(ray, middle_of(piece), lattice), ray, piece, lattice, push.knots), slab_in);
 }
 #endif
 
 #ifdef COMPUTE
 #include "grid/march.glsl"
 
-const uint AT_ONCE = LAYERS || LIT || PAGED ? 1u : MOST_AT_ONCE;
+// Whether samples are taken in runs on pages. Surfaces split slabs, light takes samples around, and slabs with whole ends lie beyond
+// the domain.
+const bool RUNS = !LAYERS && !LIT && CLIP_ENDS;
+const uint AT_ONCE = RUNS ? MOST_AT_ONCE : 1u;
 
 void main() {
     ivec2 pixel;
@@ -103,27 +101,32 @@ void main() {
     while (slab < slabs.y && transmittance > opaque && !has_missed()) {
         float z = max(fma(float(slab), h, z0), interval.x);
         uint stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
-        for (; slab < stop && transmittance > opaque; slab += AT_ONCE) {
-            vec2 pieces[MOST_AT_ONCE];
-            float texels[MOST_AT_ONCE];
-            bool cut = false;
-            float split = reached;
-            for (uint k = 0u; k < AT_ONCE; ++k) {
-                vec2 piece = slab_piece(fma(float(slab + k), h, z0), fma(float(slab + k + 1u), h, z0), interval);
-                cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
-                pieces[k] = piece;
-                texels[k] = slice_texel(ray, piece, lattice);
-            }
-            for (uint k = 0u; k < AT_ONCE; ++k) {
-                bool drawn = AT_ONCE == 1u || slab + k < slabs.y && transmittance > opaque;
-                vec2 piece = drawn ? pieces[k] : pieces[k].xx;
-                vec4 emission = slice_emission(texels[k], ray, piece, lattice, knots);
+        while (slab < stop && transmittance > opaque && !has_missed()) {
+            vec2 first = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
+            uint end = RUNS ? run_on_pages(slab, stop, middle_of(first), h, ray, lattice) : stop;
+            for (; slab < end && transmittance > opaque && !has_missed(); slab += AT_ONCE) {
+                vec2 pieces[MOST_AT_ONCE];
+                float texels[MOST_AT_ONCE];
+                bool cut = false;
+                float split = reached;
+                for (uint k = 0u; k < AT_ONCE; ++k) {
+                    vec2 piece = slab_piece(fma(float(slab + k), h, z0), fma(float(slab + k + 1u), h, z0), interval);
+                    cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
+                    pieces[k] = piece;
+                    texels[k] = RUNS ? stored_in_run(ray, middle_of(piece), lattice) : stored_at(ray, middle_of(piece), lattice);
+                }
+                for (uint k = 0u; k < AT_ONCE; ++k) {
+                    bool drawn = AT_ONCE == 1u || slab + k < end && transmittance > opaque;
+                    vec2 piece = drawn ? pieces[k] : pieces[k].xx;
+                    vec4 emission = slice_emission(texels[k], ray, piece, lattice, knots);
+                    if (has_missed()) break;
+                    add_part(pixel, sum, transmittance, emission, piece);
+                }
                 if (has_missed()) break;
-                add_part(pixel, sum, transmittance, emission, piece);
+                reached = split;
+                if (cut) --slab;
             }
-            if (has_missed()) break;
-            reached = split;
-            if (cut) --slab;
+            if (RUNS) slab = min(slab, end);
         }
     }
     bool ends = ends_ray(pixel, slab, all.y, transmittance, opaque, reached, ahead, UNKNOWN, UNKNOWN);

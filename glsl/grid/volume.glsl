@@ -59,4 +59,13 @@ float stored_at(Ray ray, float z, Lattice lattice) {
     return stored_in(fma(vec3(z), ray.d, ray.q), PREFILTER ? level_at(z, lattice) : 0.0, lattice);
 }
 
+// The same in a run of samples (`enter_pages`).
+float stored_in_run(Ray ray, float z, Lattice lattice) {
+    if (!PAGED) return stored_at(ray, z, lattice);
+    ++taken_samples;
+    vec3 last = 2.0 * lattice.half_size;
+    vec3 index = clamp(fma(vec3(min(z, page_until)), ray.d, ray.q) + lattice.half_size, vec3(0.0), last);
+    return on_page(volume, index, z <= run_until ? run_first : pool_first, vec3(1.0), last, lattice);
+}
+
 #endif

@@ -287,7 +287,7 @@ void main() {
     if (PAGED) {
         bool ended = !has_missed() && (slab >= end_slab || transmittance <= opaque);
         rays[number] = RayState(ended ? RAY_ENDED : uint(slab), transmittance, 0.0, 0.0, known, UNKNOWN);
-        if (!ended) note_unfinished();
+        if (!ended) note_unfinished(transmittance);
     }
     store_state(texel, packed_state(sum, transmittance, !PAGED && (push.order & MARCH_CONTINUES) != 0u));
     add_counts();

@@ -12,9 +12,10 @@ pub enum Goal {
 }
 
 impl Goal {
-    /// Returns the threshold of early ray termination: the largest remaining colour, a small part of the
-    /// allowed error.
-    pub(super) fn stop(self) -> f64 {
+    /// Returns the threshold of early ray termination: the largest remaining colour, a small part of the allowed error. Frames of a grid in
+    /// pages may end within the same ([`Frames::stop_within`](crate::Frames::stop_within)).
+    #[must_use]
+    pub fn stop(self) -> f64 {
         match self {
             Self::MaxError(error) => (error / 8.0).min(0.01),
             Self::Budget(_) => 1e-4,

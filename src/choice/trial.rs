@@ -92,6 +92,7 @@ pub(super) fn drawn(
     timed: u32,
 ) -> Result<(Image, Vec<f64>)> {
     let mut frames = Renderer::new(scene, candidate.technique(stop)?).frames(view)?;
+    frames.stop_within(stop);
     frames.draw(view)?;
     let image = frames.read_back()?;
     let mut times = vec![frames.draw(view)?.wall_ms];

@@ -22,6 +22,11 @@ impl InFlight {
         Ok(Self((0..count).map(|_| renderer.frames(view)).collect::<Result<_>>()?))
     }
 
+    /// Lets frames end early ([`Frames::stop_within`]).
+    pub(crate) fn stop_within(&mut self, rmse: f64) {
+        self.0.iter_mut().for_each(|frames| frames.stop_within(rmse));
+    }
+
     /// Returns the frames of one plan.
     pub(crate) fn first(&mut self) -> &mut Frames {
         &mut self.0[0]

@@ -245,7 +245,7 @@ mod tests {
     #[test]
     fn passes_with_one_name_are_summed() {
         let pass = |name: &str, ms| PassTime { name: name.to_string(), ms };
-        let frame = |passes| FrameTime { wall_ms: 9.0, passes, counters: Vec::new() };
+        let frame = |passes| FrameTime { wall_ms: 9.0, passes, counters: Vec::new(), bound: None };
         let frames = [
             frame(vec![pass("a", 1.0), pass("b", 2.0), pass("a", 3.0)]),
             frame(vec![pass("a", 6.0)]),

@@ -12,6 +12,7 @@ use super::result::{c_text, call, destroy, lock, make, vr_result};
 use super::vulkan::{VkBool32, VkCommandBuffer, VkExtent2D, VkFormat, VkImage, VkImageLayout, VkImageView};
 use crate::error::{Error, Result};
 use crate::frame::plan::{Plan, RecordInfo, Recorded, Status};
+use crate::frame::prepared::ErrorBound;
 use crate::gpu::{CommandBuffer, DepthImage, DepthProjection, Gpu, TargetImage};
 use crate::num;
 
@@ -275,6 +276,11 @@ pub struct vr_status {
     pub counters: *const vr_counter,
     /// Number of counters.
     pub counter_count: u32,
+    /// How far the image is from the complete one at most, in each component of its premultiplied linear colour and opacity: root of the mean
+    /// square over pixels. 0 if it is complete, INFINITY if no bound is known; there is one for grids in pages.
+    pub bound_rmse: f64,
+    /// The same at any pixel.
+    pub bound_greatest: f64,
 }
 
 // SAFETY: repr(C), numbers and pointers, the first its size.
@@ -294,6 +300,8 @@ impl Told {
         let passes: Vec<_> = passes.collect();
         let counters = status.counters.iter().map(|&(name, value)| vr_counter { name: keep(name), value });
         let counters: Vec<_> = counters.collect();
+        let unknown = if status.complete { 0.0 } else { f64::INFINITY };
+        let bound = status.bound.unwrap_or(ErrorBound { rmse: unknown, greatest: unknown });
         let status = vr_status {
             struct_size: 0,
             complete: VkBool32::from(status.complete),
@@ -301,6 +309,8 @@ impl Told {
             passes: passes.as_ptr(),
             counters: counters.as_ptr(),
             counter_count: num::count(counters.len()),
+            bound_rmse: bound.rmse,
+            bound_greatest: bound.greatest,
         };
         Self { status, _owned: (passes, counters, names) }
     }

@@ -20,4 +20,5 @@ pub(crate) mod upsampling;
 
 pub use offscreen::Offscreen;
 pub use plan::{Plan, RecordInfo, Recorded, Status};
+pub use prepared::ErrorBound;
 pub use target::{TargetDesc, TargetMode};

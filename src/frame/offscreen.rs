@@ -125,9 +125,13 @@ impl Offscreen {
             recorded.into_iter().for_each(Recorded::discarded);
             return Err(error);
         }
-        let mut all = Status { complete: true, passes: Vec::new(), counters: Vec::new() };
+        let mut all = Status { complete: true, passes: Vec::new(), counters: Vec::new(), bound: None };
         for status in recorded.into_iter().map(Recorded::completed).collect::<Vec<_>>() {
-            let Status { complete, passes, counters } = status?;
+            let Status { complete, passes, counters, bound } = status?;
+            if !complete {
+                let both = || all.bound.zip(bound).map(|(a, b)| a.larger(b));
+                all.bound = if all.complete { bound } else { both() };
+            }
             all.complete &= complete;
             all.passes.extend(passes);
             all.counters.extend(counters);

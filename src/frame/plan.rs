@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::frame::counts::Counts;
 use crate::frame::dry_run::{dry_run, last_use, passes};
 use crate::frame::hit_depths::{HitDepthFrame, hit_depths_buffer};
-use crate::frame::prepared::{Outcome, Prepared};
+use crate::frame::prepared::{ErrorBound, Outcome, Prepared};
 use crate::frame::ray_bounds::{BOUNDS, OWNED, RayBounds, bounds_buffer};
 use crate::frame::surfaces::{SurfaceFrame, SurfaceLists};
 use crate::frame::target::{Canvas, Composite, TargetDesc, TargetMode};
@@ -124,6 +124,8 @@ pub struct Status {
     pub passes: Vec<PassTime>,
     /// Counts of work that only the device knows.
     pub counters: Vec<(&'static str, u64)>,
+    /// How far the image is from the complete one at most, where it is not and data of a grid in pages is missing.
+    pub bound: Option<ErrorBound>,
 }
 
 /// Owns the resources of a recording until the caller reports that its submission has ended ([`Recorded::completed`]) or that
@@ -161,13 +163,17 @@ impl Recorded {
         held.gpu.alive()?;
         let times = held.timers.as_ref().map_or(Ok(vec![]), |timers| timers.read(held.passes.len()))?;
         let passes = held.passes.into_iter().zip(times).map(|(name, ms)| PassTime { name, ms }).collect();
-        let (mut complete, mut counters) = (true, Vec::new());
+        let mut status = Status { complete: true, passes, counters: Vec::new(), bound: None };
         for outcome in &held.outcomes {
-            let (fits, counted) = outcome.read()?;
-            complete &= fits;
-            counters.extend(counted);
+            let (fits, counters) = outcome.read()?;
+            status.counters.extend(counters);
+            if !fits {
+                // Where two things are lacking, neither bounds the error alone.
+                status.bound = if status.complete { outcome.bound()? } else { None };
+                status.complete = false;
+            }
         }
-        Ok(Status { complete, passes, counters })
+        Ok(status)
     }
 
     /// The resources that must live until the submission has ended.

@@ -65,4 +65,26 @@ pub(crate) trait Prepared: std::fmt::Debug + Send + Sync {
 pub(crate) trait Outcome: std::fmt::Debug + Send + Sync {
     /// Returns whether everything was drawn, and the counts of work from the device.
     fn read(&self) -> Result<(bool, Vec<(&'static str, u64)>)>;
+    /// Returns a bound of what a frame that is not complete lacks, where one is known.
+    fn bound(&self) -> Result<Option<ErrorBound>> {
+        Ok(None)
+    }
+}
+
+/// How far the image of an incomplete frame is from the complete one at most, in each component of its premultiplied linear colour and opacity.
+///
+/// Rays that wait for data get no more than what they still let through: their transmittance times the largest component of a colour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ErrorBound {
+    /// Root of the mean square over pixels.
+    pub rmse: f64,
+    /// At any pixel.
+    pub greatest: f64,
+}
+
+impl ErrorBound {
+    /// Returns a bound of the errors of two images side by side.
+    pub(crate) fn larger(self, other: Self) -> Self {
+        Self { rmse: self.rmse.max(other.rmse), greatest: self.greatest.max(other.greatest) }
+    }
 }

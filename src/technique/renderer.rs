@@ -7,6 +7,7 @@ use ash::vk;
 
 use crate::error::{Error, Result};
 use crate::frame::plan::{Plan, Recorded};
+use crate::frame::prepared::ErrorBound;
 use crate::frame::read_back::pixels;
 use crate::frame::target::{TargetDesc, TargetMode};
 use crate::gpu::shader::{FLAG_REPAIRED, FLAG_UNSORTED, TILE, TILE_PIXELS};
@@ -144,6 +145,8 @@ impl Renderer {
             next: None,
             passes: vec![],
             tries: 0,
+            within: 0.0,
+            bound: None,
         })
     }
 }
@@ -173,6 +176,8 @@ pub struct FrameTime {
     pub passes: Vec<PassTime>,
     /// Counts of work that only the device knows.
     pub counters: Vec<(&'static str, u64)>,
+    /// How far the image is from the complete one at most, where [`Frames::stop_within`] has ended the frame early.
+    pub bound: Option<ErrorBound>,
 }
 
 /// Attempts per frame; each retry allocates the capacity that the previous one lacked.
@@ -193,6 +198,10 @@ pub struct Frames {
     /// Times of the parts of the frame so far.
     passes: Vec<PassTime>,
     tries: u32,
+    /// The error with which a frame may end early.
+    within: f64,
+    /// The bound of the last part.
+    bound: Option<ErrorBound>,
 }
 
 /// A frame that was submitted, and not waited for.
@@ -221,6 +230,19 @@ impl Frames {
     pub fn draw(&mut self, view: &View) -> Result<FrameTime> {
         self.start(view)?;
         self.finish()
+    }
+
+    /// Lets frames of a grid in pages end early: as soon as their images are bound to differ from the complete ones by at most this RMSE over
+    /// the pixels. 0, the default, completes them.
+    pub fn stop_within(&mut self, rmse: f64) {
+        self.within = rmse;
+    }
+
+    /// Returns how far the last part of a frame of a grid in pages is from the complete image at most; `None` where it is complete, or no
+    /// bound is known.
+    #[must_use]
+    pub fn bound(&self) -> Option<ErrorBound> {
+        self.bound
     }
 
     /// Submits a frame without waiting for it; [`Frames::finish`] waits. Two `Frames` of one renderer that take turns keep two frames in
@@ -257,9 +279,9 @@ impl Frames {
         }
     }
 
-    /// Draws one part of a frame and waits for it: all of it, unless a grid is kept in pages, a mesh is drawn in parts, or the plan lacked a capacity. Then
-    /// pages that the part has missed, or the next part of the mesh, are loaded, and the next call with the same view goes on; another view begins anew. Returns `None` until the frame is
-    /// complete.
+    /// Draws one part of a frame and waits for it: all of it, unless a grid is kept in pages, a mesh is drawn in parts, or the plan lacked a
+    /// capacity. Then pages that the part has missed, or the next part of the mesh, are loaded, and the next call with the same view goes on;
+    /// another view begins anew. Returns `None` until the frame is complete; [`Frames::bound`] says how far it has come.
     ///
     /// # Errors
     ///
@@ -285,10 +307,11 @@ impl Frames {
         let wall_ms = begin.elapsed().as_secs_f64() * 1e3;
         let status = recorded.completed()?;
         self.passes.extend(status.passes);
-        if status.complete {
+        self.bound = status.bound;
+        if status.complete || status.bound.is_some_and(|bound| bound.rmse <= self.within) {
             self.drawn = true;
             let passes = std::mem::take(&mut self.passes);
-            return Ok(Some(FrameTime { wall_ms, passes, counters: status.counters }));
+            return Ok(Some(FrameTime { wall_ms, passes, counters: status.counters, bound: status.bound }));
         }
         if self.plan.load()? {
             self.next = Some((view, begin));

@@ -170,7 +170,7 @@ fn structures_lie_in_memory_as_c_has_them() {
         vr_record_info: struct_size, commands, image, view, format, extent, depth, corner;
         vr_pass_time: name, ms;
         vr_counter: name, value;
-        vr_status: struct_size, complete, pass_count, passes, counters, counter_count;
+        vr_status: struct_size, complete, pass_count, passes, counters, counter_count, bound_rmse, bound_greatest;
         vr_option_info: key, values, default_value, effect;
         vr_technique_info: struct_size, name, summary, options, option_count;
     }

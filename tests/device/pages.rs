@@ -142,6 +142,59 @@ fn counts_are_those_of_all_sweeps() {
     );
 }
 
+/// Each part of a frame is no farther from the complete one than it says, and comes nearer.
+#[test]
+fn frames_that_end_early_keep_their_bound() {
+    let whole = gpu();
+    let grid = Field::Blobs.sample(DIMS, "f32").unwrap();
+    let bright = TransferFunction::from_rows(&FOG.map(|[s, r, g, b, tau]| [s, 3.0 * r, g, b, tau])).unwrap();
+    let lit = Mode::Lit(Lighting { specular: 0.8, ..Lighting::default() });
+    let cases = [
+        ("slabs", fog(), Mode::Emission),
+        ("raycast:step=0.5", bright.clone(), Mode::Emission),
+        ("slices-3d", bright, lit),
+        ("slices-2d", parts(), Mode::Emission),
+        ("shear-warp", fog(), Mode::Emission),
+        ("raycast", fog(), Mode::Maximum),
+    ];
+    for (spec, transfer, mode) in cases {
+        let scene = Scene::new(grid.clone(), transfer).with_mode(mode).unwrap();
+        let view = &views()[usize::from(spec == "shear-warp")];
+        let complete = draw_on(&GpuScene::new(&whole, scene.clone()), view, spec);
+        let few = GpuScene::new(&gpu_with(pool(2, 4)), scene);
+        let mut frames = Renderer::new(&few, technique(spec)).frames(view).unwrap();
+        let mut bounds = Vec::new();
+        while frames.draw_part(view).unwrap().is_none() {
+            bounds.extend(frames.bound());
+        }
+        assert!(frames.bound().is_none() && bounds.len() > 3, "{spec}: {bounds:?}");
+        assert!(bounds.windows(2).all(|pair| pair[1].rmse <= pair[0].rmse), "{spec}: {bounds:?}");
+        let mut ended = 0;
+        for part in bounds.iter().step_by(bounds.len().div_ceil(5)).chain(bounds.last()) {
+            frames.stop_within(part.rmse);
+            let Some(bound) = frames.draw(view).unwrap().bound else { continue };
+            let errors = ImageErrors::between(&frames.read_back().unwrap(), &complete).unwrap().all;
+            println!(
+                "{spec}: {:.1e} of {:.1e}, {:.1e} of {:.1e}",
+                errors.rmse, bound.rmse, errors.max_abs, bound.greatest
+            );
+            assert!(bound.rmse <= part.rmse && bound.rmse <= bound.greatest, "{spec}: {bound:?}, {part:?}");
+            assert!(errors.rmse <= bound.rmse + 2e-6, "{spec}: {} beyond {}", errors.rmse, bound.rmse);
+            assert!(
+                errors.max_abs <= bound.greatest + 6e-5,
+                "{spec}: {} beyond {}",
+                errors.max_abs,
+                bound.greatest
+            );
+            ended += 1;
+        }
+        assert!(ended > 2, "{spec}: {ended} frames ended early");
+        frames.stop_within(0.0);
+        assert_eq!(frames.draw(view).unwrap().bound, None);
+        assert!(ImageErrors::between(&frames.read_back().unwrap(), &complete).unwrap().all.rmse < 2e-6);
+    }
+}
+
 /// Where most pages show nothing, and many are loaded at a time, they make room first: the image is the same to the bit, and a page is read
 /// once but for a few.
 #[test]

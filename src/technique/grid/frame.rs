@@ -156,7 +156,8 @@ impl GridFrame {
         let pixels = view.extent().map(u64::from).iter().product();
         let margin =
             (scene.scene().mode != Mode::Maximum).then(|| scene.margin(technique.segments().as_ref()));
-        let paging = pages.map(|form| Paging::new(scene, name, form, margin, view, pixels)).transpose()?;
+        let paging =
+            pages.map(|form| Paging::new(scene, name, form, margin, view, pixels, true)).transpose()?;
         let knots = scene.knots()?;
         let cut = cut(name, scene, technique.as_ref(), volume, &knots, view, axis)?;
         let desc = RouteDesc {

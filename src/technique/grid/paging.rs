@@ -5,8 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Error, Result};
-use crate::frame::prepared::Outcome;
-use crate::gpu::shader::{self, WANTED_COUNT, WANTED_FIRST, WANTED_MOST, WANTED_UNFINISHED};
+use crate::frame::prepared::{ErrorBound, Outcome};
+use crate::gpu::shader::{
+    self, WANTED_COUNT, WANTED_FIRST, WANTED_GREATEST, WANTED_MOST, WANTED_SQUARES, WANTED_UNFINISHED,
+};
 use crate::gpu::{Buffer, Recorder};
 use crate::interface::RayState;
 use crate::num;
@@ -40,10 +42,16 @@ pub(crate) struct Paging {
 struct Missed {
     read: Arc<Buffer>,
     pool: Arc<PagePool>,
+    rays: u64,
+    /// Whether the rays are those of pixels, and not of an image from which they are interpolated.
+    of_pixels: bool,
+    /// The greatest component of colour and opacity that a ray may still get where its transmittance is 1.
+    most: f64,
 }
 
 impl Paging {
-    /// Makes the buffers of a frame with so many rays. Bricks tell their greatest scalars without a margin.
+    /// Makes the buffers of a frame with so many rays, `of_pixels` or of an image from which pixels are interpolated. Bricks tell their greatest
+    /// scalars without a margin.
     pub(crate) fn new(
         scene: &GpuScene,
         name: &str,
@@ -51,17 +59,28 @@ impl Paging {
         margin: Option<f32>,
         view: &View,
         rays: u64,
+        of_pixels: bool,
     ) -> Result<Self> {
         let gpu = scene.gpu();
         let pool = scene.page_pool(form)?;
         let table = scene.page_table(form, margin)?;
         let words = u64::from(WANTED_FIRST + WANTED_MOST) + u64::from(pool.pages());
         let wanted = buffer(gpu, &format!("{name}.wanted"), words)?;
-        let rays = buffer(gpu, &format!("{name}.rays"), num::wide(size_of::<RayState>()) / 4 * rays)?;
+        let states = buffer(gpu, &format!("{name}.rays"), num::wide(size_of::<RayState>()) / 4 * rays)?;
         let read = download(gpu, &format!("{name}.missed"), READ_BYTES)?;
-        let missed = Arc::new(Missed { read, pool: Arc::clone(&pool) });
+        let missed =
+            Arc::new(Missed { read, pool: Arc::clone(&pool), rays, of_pixels, most: scene.max_colour() });
         let order = PageOrder::new(scene.grid()?, view);
-        Ok(Self { pool, table, wanted, rays, missed, view: *view, order, resumes: AtomicBool::new(false) })
+        Ok(Self {
+            pool,
+            table,
+            wanted,
+            rays: states,
+            missed,
+            view: *view,
+            order,
+            resumes: AtomicBool::new(false),
+        })
     }
 
     /// The words of the bricks in the pool's slots.
@@ -146,5 +165,15 @@ impl Outcome for Missed {
         let missed = u64::from(words[num::index(WANTED_COUNT)]);
         let counters = vec![("pages_missed", missed), ("pages_read", pages), ("bytes_read", bytes)];
         Ok((words[num::index(WANTED_UNFINISHED)] == 0, counters))
+    }
+
+    fn bound(&self) -> Result<Option<ErrorBound>> {
+        let words = self.words()?;
+        let at = |word: u32| words[num::index(word)];
+        let squares = u64::from(at(WANTED_SQUARES + 1)) << 32 | u64::from(at(WANTED_SQUARES));
+        let mean = num::f64_of_u64(squares) / 65536.0 / num::f64_of_u64(self.rays.max(1));
+        let greatest = self.most * f64::from(f32::from_bits(at(WANTED_GREATEST)));
+        let rmse = if self.of_pixels { (self.most * mean.sqrt()).min(greatest) } else { greatest };
+        Ok(Some(ErrorBound { rmse, greatest }))
     }
 }

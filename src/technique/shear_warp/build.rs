@@ -128,7 +128,7 @@ impl ShearFrame {
         let intermediate = Intermediate::new(gpu, &drawn, raster)?;
         let margin = scene.margin(sampling.segments.as_ref());
         let paging =
-            pages.map(|form| Paging::new(scene, NAME, form, Some(margin), view, intermediate.texels));
+            pages.map(|form| Paging::new(scene, NAME, form, Some(margin), view, intermediate.texels, false));
         let paging = paging.transpose()?;
         sampling.pages = Paging::pages(paging.as_ref(), &sampling.knots.buffer);
         let knots = &sampling.knots;

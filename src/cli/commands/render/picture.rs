@@ -25,6 +25,9 @@ impl Args {
     ) -> Result<(Drawn, Option<Image>)> {
         let start = Instant::now();
         let mut plans = InFlight::new(scene, technique, view, self.in_flight)?;
+        if let Some(goal) = self.choice.goal() {
+            plans.stop_within(goal.stop());
+        }
         let drawing = plans.first();
         let setup = Setup::of(scene, technique, start, drawing.plan());
         let first = drawing.draw(view)?;

@@ -107,5 +107,8 @@ fn coverage(image: &Image) -> [f64; 2] {
 fn frame_json(frame: &FrameTime) -> Value {
     let gpu_ms = gpu_ms(frame);
     let passes = gpu_ms.map(|_| passes(frame).into_iter().collect::<Value>());
-    output::without_nulls(json!({"wall_ms": frame.wall_ms, "gpu_ms": gpu_ms, "passes": passes}))
+    let bound = frame.bound.map(|bound| json!({"rmse": bound.rmse, "greatest": bound.greatest}));
+    output::without_nulls(
+        json!({"wall_ms": frame.wall_ms, "gpu_ms": gpu_ms, "passes": passes, "error_bound": bound}),
+    )
 }

@@ -112,7 +112,9 @@ impl Panel {
         let error = match session.error {
             Some(error) => format!("{:.1e}, below {:.1e}", error.rmse, error.bound),
             None if session.is_complete() => "being estimated".to_string(),
-            None => "-".to_string(),
+            None => session
+                .part()
+                .map_or("-".to_string(), |bound| format!("of the part so far at most {:.1e}", bound.rmse)),
         };
         Grid::new("facts").num_columns(2).show(ui, |ui| {
             for (name, value) in [

@@ -11,7 +11,7 @@ use volraster::choice::{self, Choice, Estimate, Goal, Profile};
 use volraster::glam::DQuat;
 use volraster::scene::{Camera, Grid, Mode, Projection, Scene, TransferFunction, View, auto};
 use volraster::technique::{Frames, Method};
-use volraster::{Error, GpuScene, Renderer, Result, Technique};
+use volraster::{Error, ErrorBound, GpuScene, Renderer, Result, Technique};
 
 use super::pace::{LEVELS, Pace, REFINEMENT, reduced, side};
 use crate::cli::histogram::Histogram;
@@ -136,6 +136,12 @@ impl Session {
     /// Returns whether the picture is that of `render`, or the technique refused it.
     pub(super) fn is_complete(&self) -> bool {
         self.level == Some(0) || self.is_refused
+    }
+
+    /// Returns how far the part that is drawn of the complete picture of a grid in pages is from it at most.
+    pub(super) fn part(&self) -> Option<ErrorBound> {
+        let (setup, frames) = self.plans[0].as_ref()?;
+        frames.bound().filter(|_| *setup == self.setup && !self.is_complete())
     }
 
     /// Returns whether work beside the pictures has yet to end.
