@@ -202,7 +202,7 @@ pub(crate) struct SplatPush {
 
 /// The push constants of `splat-project.glsl`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct SplatViewPush {
     pub(crate) right: [f32; 4],
     pub(crate) up: [f32; 4],
@@ -221,6 +221,8 @@ pub(crate) struct SplatViewPush {
     pub(crate) count: u32,
     pub(crate) aspect: f32,
     pub(crate) skew: [f32; 2],
+    pub(crate) room: u32,
+    pub(crate) pad0: u32,
 }
 
 /// The push constants of `gaussians-project.glsl`.

@@ -49,6 +49,8 @@ layout(push_constant) uniform SplatViewPush {
     uint count;       // splats
     float aspect;     // offsets of X, Y and depth from the eye are (X aspect + skew.x depth, Y + skew.y depth, depth) at right angles
     vec2 skew;
+    uint room;        // places, of which those beyond the splats come last in order
+    uint pad0;
 } push;
 
 layout(local_size_x = 64) in;
@@ -233,7 +235,13 @@ uint key_of(Centre c, float reach, vec3 m) {
 
 void main() {
     uint i = INVOCATION_NUMBER;
-    if (i >= push.count) return;
+    if (i >= push.room) return;
+    if (i >= push.count) {
+        boxes[i] = uvec2(0u);
+        sort_keys[i] = 0xffffffffu;
+        order[i] = i;
+        return;
+    }
     vec4 point = splat_points[SHAPE == SHAPE_ALIKE && !DENSITY ? i : 2u * i];
     Centre c = centre_of(point.xyz);
     Spread spread = spread_of(i, point.w);

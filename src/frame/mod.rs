@@ -8,6 +8,7 @@ pub(crate) mod counts;
 pub(crate) mod depth_measure;
 pub(crate) mod dry_run;
 pub(crate) mod hit_depths;
+pub(crate) mod in_parts;
 pub(crate) mod lists;
 mod offscreen;
 pub(crate) mod plan;

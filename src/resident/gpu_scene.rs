@@ -16,7 +16,7 @@ use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives, drawn_cells};
 use crate::resident::mesh_parts::MeshParts;
 use crate::resident::pages::{BrickWords, PagePool, PageTable, is_one_page};
 use crate::resident::splats::trained::TrainedSet;
-use crate::resident::splats::{SplatNeeds, SplatSet};
+use crate::resident::splats::{Place, SplatNeeds, SplatSet};
 use crate::resident::surfaces::SurfaceData;
 use crate::resident::tables::{Integrator, Knots, SegmentOptions, TABLE_FORMAT, Table};
 use crate::resident::visible_scalars::nonzero_ranges;
@@ -78,8 +78,21 @@ struct VisibleData {
     /// The same in so many parts.
     parts: Cache<(Primitives, Option<u32>, u32), Arc<MeshParts>>,
     /// Visible kernels, by kernel and the largest thickness of sheets in steps of the data.
-    splats: Cache<(Kernel, Model, [u64; 4]), Arc<SplatSet>>,
+    splats: Cache<SplatKey, Arc<SplatSet>>,
     trained: Cache<(), Arc<TrainedSet>>,
+}
+
+/// What the visible kernels of a scene depend on.
+type SplatKey = (Kernel, Model, [u64; 4], Place);
+
+fn splat_key(kernels: &Kernels, thickness: f64, place: Place) -> SplatKey {
+    let Kernels { kernel, sigma, cut, model, least } = *kernels;
+    (kernel, model, [sigma, cut, least, whole_steps(thickness)].map(f64::to_bits), place)
+}
+
+/// Returns a thickness of sheets rounded up to a power of two, so that not every thickness of a sweep uploads.
+fn whole_steps(thickness: f64) -> f64 {
+    thickness.log2().ceil().max(0.0).exp2()
 }
 
 impl GpuScene {
@@ -305,14 +318,16 @@ impl GpuScene {
     }
 
     /// Returns the visible kernels of the scene, for sheets of at most `thickness` steps of the data.
-    pub(crate) fn splats(&self, kernels: &Kernels, thickness: f64) -> Result<Arc<SplatSet>> {
-        // Rounded up to a power of two, so that not every thickness of a sweep uploads.
-        let thickness = thickness.log2().ceil().max(0.0).exp2();
-        let Kernels { kernel, sigma, cut, model, least } = *kernels;
-        let numbers = [sigma, cut, least, thickness].map(f64::to_bits);
-        self.visible.splats.get((kernel, model, numbers), || {
-            self.clock.upload(|| SplatSet::new(&self.gpu, &self.scene, kernels, thickness))
+    pub(crate) fn splats(&self, kernels: &Kernels, thickness: f64, place: Place) -> Result<Arc<SplatSet>> {
+        self.visible.splats.get(splat_key(kernels, thickness, place), || {
+            self.clock
+                .upload(|| SplatSet::new(&self.gpu, &self.scene, kernels, whole_steps(thickness), place))
         })
+    }
+
+    /// Forgets what [`Self::splats`] has returned.
+    pub(crate) fn forget_splats(&self, kernels: &Kernels, thickness: f64, place: Place) {
+        self.visible.splats.forget(&splat_key(kernels, thickness, place));
     }
 
     /// Returns the trained splats of the scene.

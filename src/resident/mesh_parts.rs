@@ -7,11 +7,12 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::error::Result;
-use crate::gpu::{Buffer, BufferUse, Gpu, Recorder};
+use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::interface::MeshPush;
 use crate::num;
 use crate::resident::local_space::LocalSpace;
 use crate::resident::mesh::{MeshData, Needs, Primitives, drawn_cells, face_words, local_point, stored};
+use crate::resident::part_buffers::PartBuffers;
 use crate::scene::boxes::Boxes;
 use crate::scene::topology::{Face, NONE};
 use crate::scene::{TetScalars, Tets, TransferFunction, View};
@@ -160,7 +161,8 @@ impl MeshParts {
     }
 
     /// Writes a part into staging buffers.
-    fn write(&self, mesh: &Tets, part: u32, [points, scalars, words]: [&mut [u8]; 3]) {
+    fn write(&self, mesh: &Tets, part: u32, bytes: Vec<&mut [u8]>) {
+        let Ok([points, scalars, words]) = <[&mut [u8]; 3]>::try_from(bytes) else { return };
         let part = &self.parts[num::index(part)];
         let place = |(bytes, &i): (&mut [u8], &u32)| {
             let point = local_point(&self.space, mesh.points()[num::index(i)]);
@@ -277,37 +279,19 @@ fn meets(push: &MeshPush, [low, high]: [DVec3; 2]) -> bool {
         && !sides.iter().any(|&(row, half)| beyond(row, half, 1.0) || beyond(row, half, -1.0))
 }
 
-/// The buffers of one part on the device, and two in which the host writes: of the part that frames begin with, and of another.
+/// The buffers of one part on the device: points, scalars and primitives.
 #[derive(Debug)]
 pub(crate) struct PartSlot {
     parts: Arc<MeshParts>,
-    /// Points, scalars and primitives.
-    pub(crate) buffers: [Arc<Buffer>; 3],
-    staging: [Staged; 2],
-}
-
-#[derive(Debug)]
-struct Staged {
-    part: Option<u32>,
-    buffers: [Arc<Buffer>; 3],
+    held: PartBuffers,
 }
 
 impl PartSlot {
     pub(crate) fn new(gpu: &Gpu, parts: &Arc<MeshParts>) -> Result<Self> {
         let Extent { points, scalars, words } = parts.most;
         let of = [("mesh.points", 4 * points), ("mesh.scalars", scalars), ("mesh.primitives", words)];
-        let make = |(name, words): (&str, usize), suffix: &str, purpose| {
-            Buffer::new(gpu, &format!("{name}{suffix}"), 4 * num::wide(words).max(1), purpose).map(Arc::new)
-        };
-        let three = |suffix: &str, purpose| -> Result<[Arc<Buffer>; 3]> {
-            Ok([make(of[0], suffix, purpose)?, make(of[1], suffix, purpose)?, make(of[2], suffix, purpose)?])
-        };
-        let staged = || three(" (staging)", BufferUse::Upload).map(|buffers| Staged { part: None, buffers });
-        Ok(Self {
-            parts: Arc::clone(parts),
-            buffers: three("", BufferUse::ShaderRead)?,
-            staging: [staged()?, staged()?],
-        })
+        let held = PartBuffers::new(gpu, &of.map(|(name, words)| (name, 4 * num::wide(words))))?;
+        Ok(Self { parts: Arc::clone(parts), held })
     }
 
     /// Returns the numbers of points and primitives that the buffers have room for, where a primitive takes so many words.
@@ -316,24 +300,19 @@ impl PartSlot {
         [num::count(points), num::count(words / primitive)]
     }
 
-    /// Writes a part where the host does, for the begin of a frame or for what follows. Returns `false`, and changes nothing, while a recording
-    /// reads another part there.
+    /// Returns the buffers of points, scalars and primitives.
+    pub(crate) fn buffers(&self) -> [&Arc<Buffer>; 3] {
+        [0, 1, 2].map(|i| &self.held.buffers[i])
+    }
+
+    /// Writes a part where the host does ([`PartBuffers::stage`]).
     pub(crate) fn stage(&mut self, mesh: &Tets, part: u32, begins: bool) -> bool {
-        let staged = &mut self.staging[usize::from(!begins)];
-        if staged.part == Some(part) {
-            return true;
-        }
-        let bytes = staged.buffers.each_mut().map(|buffer| Arc::get_mut(buffer).and_then(Buffer::bytes_mut));
-        let [Some(points), Some(scalars), Some(words)] = bytes else { return false };
-        self.parts.write(mesh, part, [points, scalars, words]);
-        staged.part = Some(part);
-        true
+        let parts = &self.parts;
+        self.held.stage(part, begins, |bytes| parts.write(mesh, part, bytes))
     }
 
     /// Records the upload of the staged part.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, begins: bool) {
-        for (from, to) in self.staging[usize::from(!begins)].buffers.iter().zip(&self.buffers) {
-            recorder.copy_buffer("part", from, to, to.size());
-        }
+        self.held.record(recorder, begins);
     }
 }

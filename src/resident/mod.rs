@@ -14,6 +14,7 @@ pub(crate) mod mesh;
 pub(crate) mod mesh_parts;
 mod mips;
 pub(crate) mod pages;
+pub(crate) mod part_buffers;
 pub(crate) mod splats;
 pub(crate) mod surfaces;
 pub(crate) mod tables;

@@ -16,6 +16,7 @@ use glam::{DMat3, DVec3};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Gpu};
 use crate::num;
+use crate::primitives::radix_sort::MOST_PAIRS;
 use crate::scene::grid::{box_corners, diagonal};
 use crate::scene::{Data, Grid, Kernel, KernelSize, Kernels, Model, Points, Scene, TransferFunction};
 use lattice::lattice;
@@ -39,10 +40,7 @@ pub(crate) struct SplatSet {
     pub(crate) shape: Shape,
     pub(crate) space: Space,
     pub(crate) count: u32,
-    /// Centre and scalar of each kernel; or centre and inverse of sigma, then colour and extinction or scalar and weight.
-    pub(crate) points: Arc<Buffer>,
-    /// Roots of inverse covariances, and covariances.
-    pub(crate) shapes: Arc<Buffer>,
+    held: Held,
     /// Distance at which kernels end: in sigmas, or for products along each axis.
     pub(crate) cut: f64,
     /// World distance at which the largest kernel ends.
@@ -51,29 +49,64 @@ pub(crate) struct SplatSet {
     pub(crate) amplitude: f64,
 }
 
+/// The lists of kernels, four floats an entry: centre and scalar of each; or centre and inverse of sigma, then colour and extinction or scalar
+/// and weight. Then roots of inverse covariances, and covariances.
+#[derive(Debug)]
+enum Held {
+    Device([Arc<Buffer>; 2]),
+    /// The device has buffers for a part of them.
+    Host([Vec<[f32; 4]>; 2]),
+}
+
+/// The place of the lists of a set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Place {
+    Device,
+    Host,
+}
+
 impl SplatSet {
-    /// Uploads the kernels of a scene that may be visible, for sheets of at most `thickness` steps of the data.
-    pub(crate) fn new(gpu: &Gpu, scene: &Scene, kernels: &Kernels, thickness: f64) -> Result<Arc<Self>> {
+    /// Takes the kernels of a scene that may be visible, for sheets of at most `thickness` steps of the data.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        kernels: &Kernels,
+        thickness: f64,
+        place: Place,
+    ) -> Result<Arc<Self>> {
         let transfer = &scene.transfer;
-        let set = match &scene.data {
-            Data::Grid(grid) => Self::of_grid(gpu, grid, transfer, kernels, thickness)?,
-            Data::Mesh(mesh) => Self::of_points(gpu, &Points::of_vertices(mesh)?, transfer, kernels)?,
-            Data::Points(points) => Self::of_points(gpu, points, transfer, kernels)?,
+        let mut set = match &scene.data {
+            Data::Grid(grid) => Self::of_grid(grid, transfer, kernels, thickness)?,
+            Data::Mesh(mesh) => Self::of_points(&Points::of_vertices(mesh)?, transfer, kernels)?,
+            Data::Points(points) => Self::of_points(points, transfer, kernels)?,
             Data::Gaussians(_) => {
                 let why = "draws grids, meshes and points: the scene holds gaussians";
                 return Err(Error::invalid("technique", why));
             }
         };
+        if place == Place::Device {
+            set.upload(gpu)?;
+        }
         Ok(Arc::new(set))
     }
 
-    fn of_grid(
-        gpu: &Gpu,
-        grid: &Grid,
-        transfer: &TransferFunction,
-        kernels: &Kernels,
-        thickness: f64,
-    ) -> Result<Self> {
+    /// Returns the entries of the lists for each kernel.
+    pub(crate) fn entries(&self) -> [usize; 2] {
+        let alike = self.shape == Shape::Alike && self.kernels.model == Model::Interpolate;
+        [if alike { 1 } else { 2 }, if self.shape == Shape::Covariances { 4 } else { 0 }]
+    }
+
+    /// Returns the lists on the device, where they are there.
+    pub(crate) fn on_device(&self) -> Option<&[Arc<Buffer>; 2]> {
+        if let Held::Device(lists) = &self.held { Some(lists) } else { None }
+    }
+
+    /// Returns the lists of the host; empty where they are on the device.
+    pub(crate) fn on_host(&self) -> [&[[f32; 4]]; 2] {
+        if let Held::Host(lists) = &self.held { lists.each_ref().map(Vec::as_slice) } else { [&[]; 2] }
+    }
+
+    fn of_grid(grid: &Grid, transfer: &TransferFunction, kernels: &Kernels, thickness: f64) -> Result<Self> {
         kernels.check()?;
         let gaussian = kernels.kernel == Kernel::Gaussian;
         let sigma = if gaussian { kernels.sigma } else { 1.0 };
@@ -102,10 +135,10 @@ impl SplatSet {
         let largest =
             |m: DMat3| [0, 1, 2].map(|i| m.col(i).abs().element_sum()).into_iter().fold(0.0, f64::max);
         let reach = cut * (largest(to_world) * largest(to_world.transpose())).sqrt();
-        Self::upload(gpu, *kernels, Shape::Alike, space, [points, vec![]], [cut, reach], amplitude)
+        Self::of_lists(*kernels, Shape::Alike, space, [points, vec![]], [cut, reach], amplitude)
     }
 
-    fn of_points(gpu: &Gpu, points: &Points, transfer: &TransferFunction, kernels: &Kernels) -> Result<Self> {
+    fn of_points(points: &Points, transfer: &TransferFunction, kernels: &Kernels) -> Result<Self> {
         let step = median_sigma(points)?;
         kernels.check()?;
         if !matches!(kernels.kernel, Kernel::Gaussian | Kernel::BSpline) {
@@ -139,47 +172,47 @@ impl SplatSet {
             step,
         };
         let lists = scattered(points, transfer, kernels, &space);
-        Self::upload(gpu, *kernels, shape, space, lists, [cut, reach], 1.0)
+        Self::of_lists(*kernels, shape, space, lists, [cut, reach], 1.0)
     }
 
-    /// Uploads the lists of points and of shapes, four floats an entry.
-    fn upload(
-        gpu: &Gpu,
+    fn of_lists(
         kernels: Kernels,
         shape: Shape,
         space: Space,
-        mut lists: [Vec<[f32; 4]>; 2],
+        lists: [Vec<[f32; 4]>; 2],
         [cut, reach]: [f64; 2],
         amplitude: f64,
     ) -> Result<Self> {
-        let each = if shape == Shape::Alike && kernels.model == Model::Interpolate { 1 } else { 2 };
-        let count = lists[0].len() / each;
-        let most = gpu.most_buffer_bytes();
-        let widest = if shape == Shape::Covariances { 64 } else { 16 * num::wide(each) };
-        if num::wide(count) * widest > most || count >= 1 << 27 {
-            return Err(Error::unsupported(
+        let entries = lists[0].len();
+        let mut set =
+            Self { kernels, shape, space, count: 0, held: Held::Host(lists), cut, reach, amplitude };
+        let count = entries / set.entries()[0];
+        set.count = u32::try_from(count).map_err(|_| {
+            Error::unsupported(
                 "splats of this scene",
-                format!("{count} visible kernels; {} fit a buffer", most / widest),
-            ));
+                format!("{count} visible kernels; {} are numbered", u32::MAX),
+            )
+        })?;
+        Ok(set)
+    }
+
+    /// Moves the lists to the device.
+    fn upload(&mut self, gpu: &Gpu) -> Result<()> {
+        let widest = 16 * num::wide(self.entries().into_iter().fold(0, usize::max));
+        let room = gpu.most_buffer_bytes().min(widest * u64::from(MOST_PAIRS));
+        let Held::Host(lists) = &mut self.held else { return Ok(()) };
+        let needed = widest * u64::from(self.count);
+        if needed > room {
+            let object = format!("a buffer of {} visible kernels", self.count);
+            return Err(Error::Memory { object, needed, available: room, budget: gpu.memory_budget() });
         }
         // A binding must hold something.
-        for list in &mut lists {
-            if list.is_empty() {
-                list.extend([[0.0; 4]; 2]);
-            }
+        for list in lists.iter_mut().filter(|list| list.is_empty()) {
+            list.extend([[0.0; 4]; 2]);
         }
         let buffer = |name: &str, list: &[[f32; 4]]| Buffer::with_data(gpu, name, bytemuck::cast_slice(list));
-        Ok(Self {
-            kernels,
-            shape,
-            space,
-            count: num::count(count),
-            points: buffer("splats.points", &lists[0])?,
-            shapes: buffer("splats.shapes", &lists[1])?,
-            cut,
-            reach,
-            amplitude,
-        })
+        self.held = Held::Device([buffer("splats.points", &lists[0])?, buffer("splats.shapes", &lists[1])?]);
+        Ok(())
     }
 }
 

@@ -49,7 +49,7 @@ impl MeshDesc {
     /// Ranks the faces or cells of a part of the mesh.
     pub(crate) fn rank_part(&self, scene: &GpuScene, slot: &PartSlot) -> Result<Ranking> {
         let cell_scalars = matches!(scene.mesh()?.scalars(), TetScalars::Cell(_));
-        let [points, scalars, primitives] = slot.buffers.clone();
+        let [points, scalars, primitives] = slot.buffers().map(std::sync::Arc::clone);
         let [point_count, count] = slot.room(self.primitives.words(cell_scalars));
         let geometry =
             Geometry { kind: self.primitives, points, point_count, scalars, cell_scalars, primitives, count };

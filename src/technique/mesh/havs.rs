@@ -24,7 +24,8 @@ mod raster;
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::frame::in_parts::{MOST_PARTS, in_parts};
 use crate::frame::prepared::Prepared;
 use crate::frame::target::Canvas;
 use crate::gpu::Bound;
@@ -59,12 +60,6 @@ const PIXEL_BYTES: u64 = 24;
 /// Most faces that are sorted at a time.
 const MOST_SORTED: u64 = 1 << 26;
 
-/// Most parts that are chosen; the option `parts` allows as many.
-const MOST_PARTS: u32 = 4096;
-
-/// How often the parts are doubled where the device has less room than was estimated.
-const MOST_TRIES: u32 = 4;
-
 impl Draw for Options {
     fn prepare(&self, scene: &Arc<GpuScene>, view: &View, target: &Canvas) -> Result<Box<dyn Prepared>> {
         let whole = self.desc(scene.mesh_data().needs(Primitives::Faces), false);
@@ -74,31 +69,17 @@ impl Draw for Options {
         // An unsorted pixel takes two more turns through all parts, and a larger k-buffer spares nearly all of them.
         let [width, height] = view.extent().map(u64::from);
         let large = KBUFFER_BYTES * width * height <= scene.gpu().memory_left() / 8;
-        let first = match self.parts {
-            Some(parts) => parts,
-            None => fewest_parts(scene, view, &whole)?,
-        };
         let margin = whole.margin(scene);
-        let mut parts = first;
-        loop {
-            let frame: Result<Box<dyn Prepared>> = if parts == 1 {
-                MeshFrame::new(scene, view, target, whole, None).map(|frame| Box::new(frame) as _)
-            } else {
-                let mesh = scene.mesh_parts(Primitives::Faces, margin, parts)?;
-                let desc = self.desc(&mesh.needs, large);
-                PartsFrame::new(scene, view, target, &desc, &mesh).map(|frame| Box::new(frame) as _)
-            };
-            match frame {
-                Err(Error::Memory { .. })
-                    if self.parts.is_none() && parts >> MOST_TRIES < first && parts < MOST_PARTS =>
-                {
-                    scene.forget_primitives(Primitives::Faces, margin, parts);
-                    parts = (2 * parts).min(MOST_PARTS);
-                }
-                Ok(frame) => return Ok(frame),
-                Err(error) => return Err(error),
+        let prepare = |parts| -> Result<Box<dyn Prepared>> {
+            if parts == 1 {
+                return Ok(Box::new(MeshFrame::new(scene, view, target, whole, None)?));
             }
-        }
+            let mesh = scene.mesh_parts(Primitives::Faces, margin, parts)?;
+            let desc = self.desc(&mesh.needs, large);
+            Ok(Box::new(PartsFrame::new(scene, view, target, &desc, &mesh)?))
+        };
+        let forget = |parts| scene.forget_primitives(Primitives::Faces, margin, parts);
+        in_parts(self.parts, || fewest_parts(scene, view, &whole), prepare, forget)
     }
 }
 

@@ -102,15 +102,16 @@ pub(super) struct BandedDraw {
 }
 
 impl BandedDraw {
-    /// Makes the buffers of the outcome of a frame.
+    /// Makes the buffers of the outcome of a frame with at most so many bands.
     pub(super) fn outcome(
         &self,
         scene: &Arc<GpuScene>,
         name: &'static str,
         splats: u32,
+        bands: usize,
     ) -> Result<Arc<SplatOutcome>> {
         let counts = [self.bins.capacity, self.rounds, splats];
-        SplatOutcome::new(scene, name, self.bands.len(), counts, self.repair.is_some()).map(Arc::new)
+        SplatOutcome::new(scene, name, bands, counts, self.repair.is_some()).map(Arc::new)
     }
 
     /// Returns counts of work that are known before a frame is drawn.
@@ -133,7 +134,19 @@ impl BandedDraw {
     ) {
         recorder.clear_buffer("status.clear", status);
         stage(recorder);
-        for (i, (band, total)) in self.bands.iter().zip(&outcome.bins).enumerate() {
+        self.record_bands(recorder, push, (&self.bands, 0), outcome);
+        outcome.record_status(recorder, status);
+    }
+
+    /// Records the passes over some bands, of which the first has a number among those of the outcome.
+    pub(super) fn record_bands(
+        &self,
+        recorder: &mut Recorder<'_>,
+        push: SplatPush,
+        (bands, first): (&[Band], usize),
+        outcome: &SplatOutcome,
+    ) {
+        for (i, (band, total)) in (first..).zip(bands.iter().zip(&outcome.bins[first..])) {
             self.bins.record(recorder, self.across, [band.first, band.tiles]);
             recorder.copy_buffer("bins.total", self.bins.total(), total, 8);
             recorder.release_to_host(total);
@@ -158,7 +171,5 @@ impl BandedDraw {
                 draw(recorder);
             }
         }
-        recorder.copy_buffer("status", status, &outcome.status, outcome.status.size());
-        recorder.release_to_host(&outcome.status);
     }
 }

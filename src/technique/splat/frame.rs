@@ -5,16 +5,20 @@
 //! 3. Each tile draws its bin in that order, in one dispatch or several. Pixels whose own order is another one are listed,
 //!    and drawn again.
 //!
+//! Kernels that the device has no room for go through these steps part by part (`parts.rs`).
+//!
 //! Bins and step 3 run for one band of tiles after the other, because the bins of a band must fit one buffer. Nothing
 //! is dropped: a frame whose bins exceed their capacity, or whose tiles need more dispatches, is incomplete, and is
 //! prepared again with what it needed.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, PoisonError};
 
 use ash::vk;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::frame::depth_measure::DepthMeasure;
+use crate::frame::in_parts::{MOST_PARTS, in_parts};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::{Canvas, own_image};
 use crate::gpu::shader::{
@@ -24,18 +28,26 @@ use crate::gpu::shader::{
     SplatEwaDraw, SplatEwaRepair, SplatProject, SplatSheetsAxis, SplatSheetsImage, Splats, TILE, TILE_PIXELS,
 };
 use crate::gpu::{Bound, Buffer, Gpu, Image, Recorder, Sampled, TargetImage};
-use crate::interface::SplatPush;
+use crate::interface::{SplatPush, SplatViewPush};
 use crate::num::{self, f32_of};
 use crate::primitives::bins::{Bins, Fill, Ranked};
 use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass};
 use crate::primitives::radix_sort::RadixSort;
 use crate::resident::GpuScene;
-use crate::resident::splats::{Shape, SplatSet};
-use crate::scene::{Kernel, Model, View};
+use crate::resident::splats::{Place, Shape, SplatSet};
+use crate::scene::{Data, Kernel, KernelSize, Model, View};
 use crate::technique::splat::bands::{BandedDraw, Repair, Rounds, Step, bands_of};
 use crate::technique::splat::desc::{Accumulation, SplatDesc};
 use crate::technique::splat::outcome::SplatOutcome;
+use crate::technique::splat::parts::SplatParts;
 use crate::technique::splat::view::SplatView;
+
+/// Bytes of the device's memory for each kernel: data, keys, order, box, record and pairs with tiles; and in parts for each of one, which is staged
+/// twice. (About: kernels that cover many tiles take more, and there are fewer of these.)
+const KERNEL_BYTES: [u64; 2] = [128, 192];
+
+/// The same for what a covariance takes more.
+const COVARIANCE_BYTES: [u64; 2] = [64, 192];
 
 /// The format of the accumulation image.
 const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
@@ -55,6 +67,11 @@ pub(crate) struct SplatFrame {
     image: Arc<Image>,
     status: Arc<Buffer>,
     outcome: Arc<SplatOutcome>,
+    /// Where the device has room for a part of the kernels.
+    parts: Option<SplatParts>,
+    /// The part of the next recording, where that goes on with the image of the last one.
+    next: usize,
+    resumes: AtomicBool,
 }
 
 /// The kernels as a view sees them.
@@ -69,8 +86,9 @@ struct Projected {
 }
 
 impl Projected {
-    fn new(gpu: &Gpu, desc: &SplatDesc, set: &SplatSet) -> Result<Self> {
-        let count = u64::from(set.count);
+    /// Makes the buffers of so many kernels.
+    fn new(gpu: &Gpu, desc: &SplatDesc, set: &SplatSet, count: u32) -> Result<Self> {
+        let count = u64::from(count);
         let keys = buffer(gpu, "order.keys", count)?;
         let order = buffer(gpu, "order", count)?;
         let boxes = buffer(gpu, "boxes", 2 * count)?;
@@ -81,14 +99,14 @@ impl Projected {
     }
 
     /// Binds the shader that projects kernels.
-    fn shader(&self, desc: &SplatDesc, set: &SplatSet, axis: usize) -> Bound {
+    fn shader(&self, desc: &SplatDesc, set: &SplatSet, lists: &[Arc<Buffer>; 2], axis: usize) -> Bound {
         SPLAT_PROJECT_COMPUTE.with(&SplatProject {
             boxes: self.boxes.write(),
             order: self.order.write(),
             rank_keys: self.keys.write(),
-            splat_points: set.points.read(),
+            splat_points: lists[0].read(),
             splat_records: self.records.write(),
-            splat_shapes: set.shapes.read(),
+            splat_shapes: lists[1].read(),
             splat_axis: num::count(axis),
             splat_density: set.kernels.model == Model::Density,
             splat_ewa: desc.ewa,
@@ -203,39 +221,80 @@ fn upload_domain(gpu: &Gpu, set: &SplatSet, axis: usize, scale: [f32; 4]) -> Res
 }
 
 impl SplatFrame {
-    /// Prepares frames of one view size.
+    /// Prepares frames of one view size, in parts where the device has no room for all kernels.
     pub(crate) fn new(scene: &Arc<GpuScene>, view: &View, target: &Canvas, desc: SplatDesc) -> Result<Self> {
         // The table holds whole footprints; bounds would cut them.
         let template = desc.template.filter(|_| target.bounds.is_none());
         let desc = SplatDesc { template, ..desc };
+        let place = |parts| if parts == 1 { Place::Device } else { Place::Host };
+        let prepare = |parts| {
+            let set = scene.splats(&desc.kernels, desc.options.step, place(parts))?;
+            Self::of_set(scene, view, target, desc, (&set, parts))
+        };
+        let forget = |parts| {
+            if parts == 1 {
+                scene.forget_splats(&desc.kernels, desc.options.step, place(parts));
+            }
+        };
+        in_parts(desc.options.parts, || Ok(fewest_parts(scene)), prepare, forget)
+    }
+
+    /// Prepares frames of a set of kernels, in at most so many parts if it is held by the host.
+    fn of_set(
+        scene: &Arc<GpuScene>,
+        view: &View,
+        target: &Canvas,
+        desc: SplatDesc,
+        (set, count): (&Arc<SplatSet>, u32),
+    ) -> Result<Self> {
         let gpu = scene.gpu();
         let name = desc.name;
-        let set = scene.splats(&desc.kernels, desc.options.step)?;
         let knots = scene.knots()?;
         let opaque = desc.options.tiles.stop / scene.max_colour();
-        let seen = SplatView::new(&set, &desc, knots.count, opaque, view)?;
+        let seen = SplatView::new(set, &desc, knots.count, opaque, view)?;
         let [width, height] = view.extent();
         let across = width.div_ceil(TILE);
         let tiles = across * height.div_ceil(TILE);
 
         // 1. Kernels as the view sees them, in order.
-        let projected = Projected::new(gpu, &desc, &set)?;
-        let template = scene.splat_template(&set, desc.template, view)?;
-        let domain = upload_domain(gpu, &set, seen.axis, template.scale)?;
-        let bound = projected.shader(&desc, &set, seen.axis);
+        let mut parts = None;
+        let (lists, room) = match set.on_device() {
+            Some(lists) => (lists.clone(), set.count),
+            None => {
+                let made = parts.insert(SplatParts::new(gpu, set, &seen.project, view.extent(), count)?);
+                (made.buffers(), made.room)
+            }
+        };
+        let projected = Projected::new(gpu, &desc, set, room)?;
+        let template = scene.splat_template(set, desc.template, view)?;
+        let domain = upload_domain(gpu, set, seen.axis, template.scale)?;
+        let bound = projected.shader(&desc, set, &lists, seen.axis);
         let project = pass(gpu, &format!("{name}.project"), &bound)?;
         let Projected { keys, order, boxes, status, records } = projected;
-        let sort = RadixSort::new(gpu, &format!("{name}.sort"), [&keys, &order], set.count)?;
+        let sort = RadixSort::new(gpu, &format!("{name}.sort"), [&keys, &order], room)?;
 
         // 2. Bands whose bins fit a buffer.
         let (status_of, scratch) = (Arc::clone(&status), Arc::clone(&sort.scratch));
-        let ranked = Ranked { order, boxes, status: status_of, keys, scratch, count: set.count };
-        let fill = Fill::measure(gpu, name, &ranked, [tiles, across], |recorder| {
-            project.record(recorder, &seen.project, groups_of(set.count, 64));
-            sort.record(recorder);
-        })?;
+        let ranked = Ranked { order, boxes, status: status_of, keys, scratch, count: room };
         let known = *scene.splat_needs.lock().unwrap_or_else(PoisonError::into_inner);
-        let (bands, capacity) = bands_of(gpu, name, &desc.options.tiles, &fill, known.entries, u32::MAX)?;
+        let measure = |upload: &dyn Fn(&mut Recorder<'_>), push: &SplatViewPush| {
+            Fill::measure(gpu, name, &ranked, [tiles, across], |recorder| {
+                upload(recorder);
+                project.record(recorder, push, groups_of(room, 64));
+                sort.record(recorder);
+            })
+        };
+        let tile_options = &desc.options.tiles;
+        let (bands, capacity, longest) = match &mut parts {
+            None => {
+                let fill = measure(&|_| {}, &seen.project)?;
+                let (bands, capacity) = bands_of(gpu, name, tile_options, &fill, known.entries, u32::MAX)?;
+                (bands, capacity, fill.longest())
+            }
+            Some(parts) => parts.measure(&seen.project, measure, |fill| {
+                bands_of(gpu, name, tile_options, fill, 0, u32::MAX)
+            })?,
+        };
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
         let bins = Bins::new(gpu, name, &ranked, widest, capacity, false)?;
 
@@ -256,8 +315,8 @@ impl SplatFrame {
             },
             splats: Splats {
                 splat_domain: domain.read(),
-                splat_points: set.points.read(),
-                splat_shapes: set.shapes.read(),
+                splat_points: lists[0].read(),
+                splat_shapes: lists[1].read(),
                 eye_inside: seen.eye_inside,
                 splat_density: set.kernels.model == Model::Density,
                 splat_kernel: kernel_code(set.kernels.kernel),
@@ -273,12 +332,43 @@ impl SplatFrame {
             hit_depths: target.hit_depths(),
             optics: knots.optics(),
         };
-        let rounds = desc.rounds(fill.longest()).max(known.rounds);
+        let rounds = desc.rounds(longest).max(known.rounds);
         let (draw, repair) = inputs.passes(gpu, &desc, rounds)?;
 
+        // A view of other parts may have more bands.
+        let most_bands = if parts.is_some() { 2 * bands.len() + 2 } else { bands.len() };
         let banded = BandedDraw { bins, bands, across, steps: vec![Step::Bins(draw.into())], repair, rounds };
-        let outcome = banded.outcome(scene, name, set.count)?;
-        Ok(Self { desc, set, view: seen, project, sort, banded, image, status, outcome })
+        let outcome = banded.outcome(scene, name, set.count, most_bands)?;
+        let (set, resumes) = (Arc::clone(set), AtomicBool::new(false));
+        Ok(Self {
+            desc,
+            set,
+            view: seen,
+            project,
+            sort,
+            banded,
+            image,
+            status,
+            outcome,
+            parts,
+            next: 0,
+            resumes,
+        })
+    }
+
+    /// Records a part of a frame.
+    fn record_part(&self, recorder: &mut Recorder<'_>, push: SplatPush, parts: &SplatParts, at: usize) {
+        let begins = at == 0;
+        if begins {
+            recorder.clear_buffer("status.clear", &self.status);
+            self.outcome.record_begin(recorder);
+        }
+        parts.record(recorder, begins);
+        self.project.record(recorder, &parts.project(at, &self.view.project), groups_of(parts.room, 64));
+        self.sort.record(recorder);
+        let first = parts.first_band(at);
+        self.banded.record_bands(recorder, push, (&parts.parts[at].bands, first), &self.outcome);
+        self.outcome.record_status(recorder, &self.status);
     }
 }
 
@@ -290,6 +380,15 @@ impl Prepared for SplatFrame {
         let template_stays = self.desc.template.is_none();
         if !same || !template_stays || (seen.eye_inside && !self.view.eye_inside) {
             return Ok(false);
+        }
+        if let Some(parts) = &mut self.parts {
+            if seen.project != self.view.project
+                && !parts.set_view(&seen.project, self.outcome.bins.len(), &self.banded.bands)
+            {
+                return Ok(false);
+            }
+            self.resumes = AtomicBool::new(false);
+            self.outcome.take_next();
         }
         self.view = seen;
         Ok(true)
@@ -312,18 +411,70 @@ impl Prepared for SplatFrame {
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
-        self.banded.counters()
+        let mut counters = self.banded.counters();
+        counters.extend(self.parts.as_ref().map(|parts| ("parts", num::wide(parts.parts.len()))));
+        counters
     }
 
     fn outcome(&self) -> Option<Arc<dyn Outcome>> {
         Some(Arc::clone(&self.outcome) as _)
     }
 
+    fn load(&mut self) -> Result<bool> {
+        let Some((parts, next)) = self.parts.as_mut().zip(self.outcome.take_next()) else { return Ok(false) };
+        if !parts.stage(next, false) {
+            return Err(Error::invalid("plan", "what was recorded together with it has not been completed"));
+        }
+        self.next = next;
+        self.resumes.store(true, Ordering::Relaxed);
+        Ok(true)
+    }
+
+    fn resumes(&self) -> bool {
+        self.resumes.load(Ordering::Relaxed)
+    }
+
     fn record(&self, recorder: &mut Recorder<'_>, _target: Option<&TargetImage>, _clear: bool) {
         let push = SplatPush { turns: self.desc.turns, ..self.view.draw };
-        self.banded.record(recorder, push, &self.status, &self.outcome, |recorder| {
-            self.project.record(recorder, &self.view.project, groups_of(self.set.count, 64));
-            self.sort.record(recorder);
-        });
+        let Some(parts) = &self.parts else {
+            self.banded.record(recorder, push, &self.status, &self.outcome, |recorder| {
+                self.project.record(recorder, &self.view.project, groups_of(self.set.count, 64));
+                self.sort.record(recorder);
+            });
+            return;
+        };
+        let mut at = 0;
+        if recorder.records() {
+            if self.resumes.swap(false, Ordering::Relaxed) {
+                at = self.next;
+            }
+            self.outcome.begin(at, parts.parts.len());
+        }
+        self.record_part(recorder, push, parts, at);
     }
+
+    fn record_most(&self, recorder: &mut Recorder<'_>, target: &TargetImage) {
+        let Some(parts) = &self.parts else { return self.record(recorder, Some(target), true) };
+        let push = SplatPush { turns: self.desc.turns, ..self.view.draw };
+        // The part with the most bands, with what only the first has.
+        let most = (0..parts.parts.len()).max_by_key(|&at| parts.parts[at].bands.len()).unwrap_or(0);
+        for at in [0, most] {
+            self.record_part(recorder, push, parts, at);
+        }
+    }
+}
+
+/// Returns the number of parts in which the device has room for points, estimated from their number: one unless they clearly exceed it.
+fn fewest_parts(scene: &GpuScene) -> u32 {
+    let (Data::Points(points), gpu) = (&scene.scene().data, scene.gpu()) else { return 1 };
+    let count = num::wide(points.centres().len());
+    let shapes = matches!(points.size(), KernelSize::Covariances(_));
+    let bytes = [0, 1].map(|i| KERNEL_BYTES[i] + if shapes { COVARIANCE_BYTES[i] } else { 0 });
+    // Some is left for what comes after.
+    let room = (gpu.memory_left() / 4 * 3).max(1);
+    if count * bytes[0] / 2 <= room {
+        return 1;
+    }
+    let parts = (count * bytes[1]).div_ceil(room / 4 * 3).clamp(2, MOST_PARTS.into());
+    u32::try_from(parts).unwrap_or(MOST_PARTS)
 }

@@ -289,7 +289,7 @@ impl TrainedFrame {
         };
         let repair = desc.by_pixel().then(|| inputs.repair(gpu)).transpose()?;
         let banded = BandedDraw { bins, bands, across, steps, repair, rounds };
-        let outcome = banded.outcome(scene, name, set.count)?;
+        let outcome = banded.outcome(scene, name, set.count, banded.bands.len())?;
         Ok(Self { set, project, sort, banded, pushes, image, status, outcome })
     }
 }

@@ -10,6 +10,7 @@ mod frame;
 pub mod gaussians;
 pub mod options;
 mod outcome;
+mod parts;
 pub mod sheets;
 mod template;
 mod view;

@@ -69,6 +69,9 @@ option_set! {
         /// Sets the thickness of slabs: for grids in units of the smallest voxel spacing, for points in median standard deviations. The
         /// error is of second order, at jumps of the transfer function of first.
         pub step: f64 = 1.0 => Rule::positive(),
+        /// Sets the parts of the image, of whole rows of tiles, that are drawn one after the other with the kernels that reach them, so that the
+        /// device needs room for these alone. auto takes one where there is room for all, else as many as it takes. The image is the same.
+        pub parts: Option<u32> = None => Rule::whole(1, 4096).or("auto", None).quiet(),
         /// Properties of kernels that replace the scene's.
         pub kernels: KernelOptions = KernelOptions::default() => GROUP,
         /// Options of tiles, which all techniques for splats have.

@@ -1,13 +1,13 @@
 //! The result of a frame of splats: whether it is complete, and its counters.
 
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
 use crate::frame::prepared::Outcome;
-use crate::gpu::Buffer;
 use crate::gpu::shader::{
     PIXELS_COUNT, PIXELS_FIRST, STATUS_CUT, STATUS_LOST, STATUS_UNFINISHED, STATUS_WORDS,
 };
+use crate::gpu::{Buffer, Recorder};
 use crate::num;
 use crate::primitives::dispatch::{download, total, words};
 use crate::resident::GpuScene;
@@ -27,6 +27,17 @@ pub(crate) struct SplatOutcome {
     /// Dispatches for each band.
     pub(crate) rounds: u32,
     pub(crate) splats: u32,
+    progress: Mutex<Progress>,
+}
+
+/// How far a frame in parts has come.
+#[derive(Clone, Copy, Debug)]
+struct Progress {
+    /// The part of the last recording, and the number of parts.
+    at: usize,
+    count: usize,
+    /// The part after it, once it has ended; none where a frame with more room has to begin anew, and after a change of the view.
+    next: Option<usize>,
 }
 
 impl SplatOutcome {
@@ -52,7 +63,36 @@ impl SplatOutcome {
             capacity,
             rounds,
             splats,
+            progress: Mutex::new(Progress { at: 0, count: 1, next: None }),
         })
+    }
+
+    /// Notes that the recording is one of a part, of so many.
+    pub(super) fn begin(&self, at: usize, count: usize) {
+        *self.progress() = Progress { at, count, next: None };
+    }
+
+    /// Returns the part of the next recording, once.
+    pub(super) fn take_next(&self) -> Option<usize> {
+        self.progress().next.take()
+    }
+
+    fn progress(&self) -> MutexGuard<'_, Progress> {
+        self.progress.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Records what clears the counts of a frame before its first part.
+    pub(super) fn record_begin(&self, recorder: &mut Recorder<'_>) {
+        for counts in self.bins.iter().chain(&self.repaired) {
+            recorder.clear_buffer("counts.clear", counts);
+            recorder.release_to_host(counts);
+        }
+    }
+
+    /// Records the copy of the status.
+    pub(super) fn record_status(&self, recorder: &mut Recorder<'_>, status: &Arc<Buffer>) {
+        recorder.copy_buffer("status", status, &self.status, self.status.size());
+        recorder.release_to_host(&self.status);
     }
 }
 
@@ -90,6 +130,9 @@ impl Outcome for SplatOutcome {
         if fits && !finished {
             needs.rounds = self.rounds * 2;
         }
-        Ok((fits && finished, counters))
+        let mut progress = self.progress();
+        let next = Some(progress.at + 1).filter(|&next| next < progress.count);
+        progress.next = next.filter(|_| fits && finished);
+        Ok((fits && finished && next.is_none(), counters))
     }
 }

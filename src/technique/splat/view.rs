@@ -160,6 +160,8 @@ fn project_push(
         count: set.count,
         aspect: f32_of(aspect),
         skew: skew.to_array().map(f32_of),
+        room: set.count,
+        pad0: 0,
     }
 }
 
