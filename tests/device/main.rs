@@ -37,6 +37,7 @@ mod record;
 mod resolution;
 mod shear_warp;
 mod slices_3d;
+mod splat_parts;
 mod splats;
 mod stacks;
 mod steps;

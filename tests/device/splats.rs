@@ -91,7 +91,7 @@ fn a_homogeneous_box_is_exact_in_sheets() {
 }
 
 /// Points in the cube, with scalars and weights.
-fn cloud(n: usize, seed: u64) -> Points {
+pub(crate) fn cloud(n: usize, seed: u64) -> Points {
     let mut next = random(seed);
     let centres = (0..n).map(|_| 0.7 * DVec3::new(next(), next(), next())).collect();
     let scalars = (0..n).map(|_| (0.5 + 0.5 * next()) as f32).collect();
@@ -99,12 +99,12 @@ fn cloud(n: usize, seed: u64) -> Points {
     Points::new(centres).unwrap().with_scalars(scalars).unwrap().with_weights(weights).unwrap()
 }
 
-fn radii(n: usize) -> KernelSize {
+pub(crate) fn radii(n: usize) -> KernelSize {
     let mut next = random(3);
     KernelSize::Radii((0..n).map(|_| (0.5 + 0.2 * next()) as f32).collect())
 }
 
-fn covariances(n: usize) -> KernelSize {
+pub(crate) fn covariances(n: usize) -> KernelSize {
     let mut next = random(5);
     // A A^T is positive definite.
     let one = |_| {
@@ -117,15 +117,15 @@ fn covariances(n: usize) -> KernelSize {
     KernelSize::Covariances((0..n).map(one).collect())
 }
 
-const SMOOTH: [[f64; 5]; 3] =
+pub(crate) const SMOOTH: [[f64; 5]; 3] =
     [[0.0, 0.1, 0.2, 0.9, 0.5], [0.5, 0.9, 0.3, 0.2, 3.0], [1.0, 0.3, 0.9, 0.4, 1.0]];
 
-fn with(scene: Scene, kernel: Kernel, model: Model) -> Scene {
+pub(crate) fn with(scene: Scene, kernel: Kernel, model: Model) -> Scene {
     scene.with_kernels(Kernels { kernel, model, ..Kernels::of_points() }).unwrap()
 }
 
 /// Scenes of every kind of splats, with kernels that both techniques or only sheets draw.
-fn scenes() -> Vec<(&'static str, Scene, bool)> {
+pub(crate) fn scenes() -> Vec<(&'static str, Scene, bool)> {
     let transfer = || TransferFunction::from_rows(&SMOOTH).unwrap();
     let points = |size| Scene::new(cloud(40, 1).with_size(size).unwrap(), transfer());
     let grid = || scene(Field::Blobs, 9, "f32", &SMOOTH);

@@ -36,6 +36,8 @@ pub(super) struct SplatParts {
     held: PartBuffers,
     /// Kernels that the buffers have room for.
     pub(super) room: u32,
+    /// Parts that were asked for.
+    wanted: u32,
     /// Tiles in a row, and rows.
     tiles: [u32; 2],
     /// The first row of tiles that each kernel reaches, and the one after the last.
@@ -124,10 +126,12 @@ impl SplatParts {
         let tiles = [width, height].map(|side| side.div_ceil(TILE));
         let rows = rows_of(set, push, tiles[1]);
         let reached = Reached::new(&rows, tiles[1]);
+        // Nearby views need a little more.
         let room = with_margin(reached.least_room(tiles[1], parts)).min(set.count.max(1));
         let bytes = set.entries().map(|each| 16 * num::wide(each) * u64::from(room));
         let held = PartBuffers::new(gpu, &[("splats.points", bytes[0]), ("splats.shapes", bytes[1])])?;
-        let mut own = Self { set: Arc::clone(set), held, room, tiles, rows, parts: Vec::new() };
+        let mut own =
+            Self { set: Arc::clone(set), held, room, wanted: parts, tiles, rows, parts: Vec::new() };
         own.parts = own.parts_of(&reached).ok_or_else(|| {
             let why = format!("{room} kernels in one row of tiles of {TILE} pixels");
             Error::unsupported("splats in parts of this view", why)
@@ -141,7 +145,8 @@ impl SplatParts {
             let band = Band { first: rows[0] * across, tiles: (rows[1] - rows[0]) * across };
             Part { rows, kernels: reached.within(rows), bands: vec![band] }
         };
-        Some(reached.joined(count, self.room)?.into_iter().map(part).collect())
+        let room = reached.least_room(count, self.wanted).min(self.room);
+        Some(reached.joined(count, room)?.into_iter().map(part).collect())
     }
 
     /// Changes to another view. Returns `false`, and changes nothing, where a row of tiles has more kernels than there is room for, the view takes
