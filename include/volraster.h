@@ -1345,7 +1345,7 @@ typedef struct vr_status {
      */
     size_t struct_size;
     /**
-     * Whether everything was drawn. VK_FALSE if pages of a grid, or parts of a mesh, are missing: call vr_plan_load(); or if a capacity was too small: call
+     * Whether everything was drawn. VK_FALSE if pages of a grid, or parts of a mesh or points, are missing: call vr_plan_load(); or if a capacity was too small: call
      * vr_plan_prepare(). Then draw the frame again.
      */
     VkBool32 complete;
@@ -1827,7 +1827,7 @@ enum vr_result vr_plan_set_view(struct vr_plan *plan,
                                 const struct vr_view *view);
 
 /**
- * Loads what the last recording lacked of a grid in pages or a mesh in parts, since the device has no room for the whole, where vr_status::complete
+ * Loads what the last recording lacked of a grid in pages or a mesh or points in parts, since the device has no room for the whole, where vr_status::complete
  * is VK_FALSE. VR_OK says that a recording of the same view goes on with the image; VR_NO_ROOM that nothing was lacking: call
  * vr_plan_prepare() then. Reads the source of the data, submits and waits.
  *
@@ -1985,4 +1985,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: 318a62117a3905bd */
+/* Checksum of the sources: e81bfc57e786968d */

@@ -120,7 +120,7 @@ pub unsafe extern "C" fn vr_plan_set_view(plan: *mut vr_plan, view: *const vr_vi
     })
 }
 
-/// Loads what the last recording lacked of a grid in pages or a mesh in parts, since the device has no room for the whole, where vr_status::complete
+/// Loads what the last recording lacked of a grid in pages or a mesh or points in parts, since the device has no room for the whole, where vr_status::complete
 /// is VK_FALSE. VR_OK says that a recording of the same view goes on with the image; VR_NO_ROOM that nothing was lacking: call
 /// vr_plan_prepare() then. Reads the source of the data, submits and waits.
 ///

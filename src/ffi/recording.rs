@@ -265,7 +265,7 @@ pub struct vr_counter {
 pub struct vr_status {
     /// sizeof(vr_status).
     pub struct_size: usize,
-    /// Whether everything was drawn. VK_FALSE if pages of a grid, or parts of a mesh, are missing: call vr_plan_load(); or if a capacity was too small: call
+    /// Whether everything was drawn. VK_FALSE if pages of a grid, or parts of a mesh or points, are missing: call vr_plan_load(); or if a capacity was too small: call
     /// vr_plan_prepare(). Then draw the frame again.
     pub complete: VkBool32,
     /// Number of passes; 0 if the device has no timestamps.

@@ -116,7 +116,8 @@ pub struct RecordInfo<'a> {
 /// The report of a completed recording. `Send` and `Sync`.
 #[derive(Clone, Debug)]
 pub struct Status {
-    /// Whether everything was drawn. `false` when data of a grid in pages was missing, or parts of a mesh are still to come: [`Plan::load`] them,
+    /// Whether everything was drawn. `false` when data of a grid in pages was missing, or parts of a mesh or of
+    /// points are still to come: [`Plan::load`] them,
     /// and record again; else when a buffer was too small: prepare anew, which allocates more, and record again.
     pub complete: bool,
     /// Passes with their times on the device, in the order of recording. Empty where the device has no timestamps, and for
@@ -586,7 +587,7 @@ impl Plan {
         Ok(true)
     }
 
-    /// Loads what the last recording lacked of a grid that is kept in pages, or the next part of a mesh that is drawn in parts, since the device
+    /// Loads what the last recording lacked of a grid that is kept in pages, or the next part of a mesh or of points, since the device
     /// has no room for the whole. Returns whether a recording of the same view goes on with the image: until every ray has ended, it shows
     /// what rays have met so far, in the order of compositing. Reads the source of the data, submits and waits.
     ///

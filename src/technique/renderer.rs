@@ -279,8 +279,8 @@ impl Frames {
         }
     }
 
-    /// Draws one part of a frame and waits for it: all of it, unless a grid is kept in pages, a mesh is drawn in parts, or the plan lacked a
-    /// capacity. Then pages that the part has missed, or the next part of the mesh, are loaded, and the next call with the same view goes on;
+    /// Draws one part of a frame and waits for it: all of it, unless a grid is kept in pages, a mesh or points are drawn in parts, or the plan
+    /// lacked a capacity. Then pages that the part has missed, or the next part, are loaded, and the next call with the same view goes on;
     /// another view begins anew. Returns `None` until the frame is complete; [`Frames::bound`] says how far it has come.
     ///
     /// # Errors
