@@ -202,7 +202,7 @@ pub(crate) struct SplatPush {
 
 /// The push constants of `splat-project.glsl`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct SplatViewPush {
     pub(crate) right: [f32; 4],
     pub(crate) up: [f32; 4],

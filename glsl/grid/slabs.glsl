@@ -80,9 +80,9 @@ void main() {
 #ifdef COMPUTE
 #include "grid/march.glsl"
 
-// Whether samples are taken in runs on pages. Surfaces split slabs, light takes samples around, and slabs with whole ends lie beyond
-// the domain.
-const bool RUNS = !LAYERS && !LIT && CLIP_ENDS;
+// Whether samples are taken in runs. Surfaces split slabs, light takes samples around, and of a grid in pages slabs with whole ends lie
+// beyond the last page.
+const bool BEYOND = PAGED && !CLIP_ENDS, RUNS = !LAYERS && !LIT && !BEYOND;
 
 void main() {
     ivec2 pixel;

@@ -72,9 +72,9 @@ void main() {
 #ifdef COMPUTE
 #include "grid/march.glsl"
 
-// Whether samples are taken in runs on pages. Surfaces split slabs, light takes samples around, and slabs with whole ends lie beyond
-// the domain.
-const bool RUNS = !LAYERS && !LIT && CLIP_ENDS;
+// Whether samples are taken in runs. Surfaces split slabs, light takes samples around, and of a grid in pages slabs with whole ends lie
+// beyond the last page.
+const bool BEYOND = PAGED && !CLIP_ENDS, RUNS = !LAYERS && !LIT && !BEYOND;
 const uint AT_ONCE = RUNS ? MOST_AT_ONCE : 1u;
 
 void main() {
@@ -126,7 +126,7 @@ void main() {
                 reached = split;
                 if (cut) --slab;
             }
-            if (RUNS) slab = min(slab, end);
+            slab = min(slab, end);
         }
     }
     bool ends = ends_ray(pixel, slab, all.y, transmittance, opaque, reached, ahead, UNKNOWN, UNKNOWN);

@@ -94,6 +94,9 @@ pub struct Plan {
     /// Images that a recording may go on with, with their last uses.
     kept: Vec<(Arc<Image>, Use)>,
     pub(crate) extent: [u32; 2],
+    view: View,
+    /// Whether the view has changed while a recording was in flight, which the next one does not go on with.
+    turned: bool,
     /// Shared with the recording in flight.
     in_flight: Arc<()>,
 }
@@ -220,8 +223,6 @@ impl Plan {
         let bounded = target.depth || lists.is_some() || !view.clip().is_none();
         let bounds = bounded.then(|| bounds_buffer(gpu, BOUNDS, &drawn)).transpose()?;
         let owned = view.owned().map(|_| bounds_buffer(gpu, OWNED, &drawn)).transpose()?;
-        let layers = lists.as_ref().and_then(SurfaceLists::layers);
-        let sampled = lists.is_some() || side > 1;
         let counts = target.counted.then(|| Counts::new(gpu)).transpose()?;
         let sums = counts.as_ref().map(|counts| Arc::clone(&counts.sums));
         let hit_depths = hit_depths_buffer(gpu, view, target.hit_depths.is_some())?;
@@ -229,8 +230,8 @@ impl Plan {
             target: *target,
             bounds,
             owned,
-            layers,
-            sampled,
+            layers: lists.as_ref().and_then(SurfaceLists::layers),
+            sampled: lists.is_some() || side > 1,
             redrawn: None,
             counts: sums,
             hit_depths,
@@ -291,6 +292,8 @@ impl Plan {
             last_uses: [None; 2],
             kept: Vec::new(),
             extent: view.extent(),
+            view: *view,
+            turned: false,
             in_flight: Arc::new(()),
         };
         let shared = dry_run(gpu, |recorder, target| {
@@ -456,6 +459,7 @@ impl Plan {
     /// Returns the steps of a recording that has been checked.
     fn steps_of(&mut self, commands: &CommandBuffer, info: &RecordInfo<'_>) -> Result<Vec<Step>> {
         let &RecordInfo { target, depth, hit_depths, .. } = info;
+        self.turned = false;
         let mut recorder = Recorder::new(&self.gpu, commands, None);
         if self.prepared.resumes() {
             for (image, last) in &self.kept {
@@ -584,6 +588,8 @@ impl Plan {
         if let (Some(surfaces), Some(seen)) = (&mut self.surfaces, seen) {
             surfaces.set_view(seen);
         }
+        self.turned |= self.view != *view && Arc::strong_count(&self.in_flight) > 1;
+        self.view = *view;
         Ok(true)
     }
 
@@ -600,7 +606,8 @@ impl Plan {
         if Arc::strong_count(&self.in_flight) > 1 {
             return Err(Error::invalid("plan", "its last recording has not been completed"));
         }
-        self.prepared.load()
+        // What the last recording lacked is of another view; the next one begins anew.
+        if std::mem::take(&mut self.turned) { Ok(true) } else { self.prepared.load() }
     }
 
     /// Whether its target is a rectangle of a larger image.

@@ -255,7 +255,7 @@ impl Frames {
         if self.started.is_some() {
             return Err(Error::invalid("frames", "a frame was started: finish it first"));
         }
-        self.drawn = false;
+        (self.drawn, self.bound) = (false, None);
         // After an error the last frame may still run, and it reads buffers that a new view changes.
         self.commands.settle()?;
         if !self.plan.set_view(view)? {
@@ -308,7 +308,8 @@ impl Frames {
         let status = recorded.completed()?;
         self.passes.extend(status.passes);
         self.bound = status.bound;
-        if status.complete || status.bound.is_some_and(|bound| bound.rmse <= self.within) {
+        let suffices = |bound: ErrorBound| self.within > 0.0 && bound.rmse <= self.within;
+        if status.complete || status.bound.is_some_and(suffices) {
             self.drawn = true;
             let passes = std::mem::take(&mut self.passes);
             return Ok(Some(FrameTime { wall_ms, passes, counters: status.counters, bound: status.bound }));

@@ -65,10 +65,11 @@ fn views() -> [View; 4] {
     ]
 }
 
-const SPECS: [&str; 6] = [
+const SPECS: [&str; 7] = [
     "splat-ewa:order=center",
     "splat-ewa:order=pixel",
     "splat-ewa:order=center,footprint=ewa",
+    "splat-ewa:order=center,footprint=ewa,variance=30",
     "splat-ewa:order=slabs,step=2",
     "splat-sheets:sheets=image,step=2",
     "splat-sheets:sheets=axis",
@@ -162,16 +163,28 @@ fn recordings_go_on_or_begin_anew() {
         caller.begin([0.0; 4]);
         plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap()
     };
-    for given_up in ["nothing", "a recording", "a view"] {
+    for given_up in ["nothing", "the same view", "a recording", "a view in flight", "a view"] {
         let mut drawn = 0;
         let bytes = loop {
             let recorded = record(&mut plan);
             let bytes = caller.end(&gpu);
             drawn += 1;
+            let turns = given_up == "a view in flight" && drawn == 2;
+            if turns {
+                assert!(plan.set_view(&views[1]).unwrap());
+            }
             if recorded.completed().unwrap().complete {
                 break bytes;
             }
             assert!(plan.load().unwrap());
+            if given_up == "nothing" && drawn == 1 {
+                // What is not drawn yet is transparent.
+                let whole = draw_on(&on_gpu, &views[0], "splat-ewa:parts=1");
+                let shown: &[[f32; 4]] = bytemuck::cast_slice(&bytes);
+                let missing = |(shown, whole): &(&[f32; 4], &[f32; 4])| shown != whole;
+                let missing: Vec<_> = shown.iter().zip(whole.pixels()).filter(missing).collect();
+                assert!(missing.len() > 500 && missing.iter().all(|(shown, _)| **shown == [0.0; 4]));
+            }
             if given_up == "a recording" && drawn == 2 {
                 let recorded = record(&mut plan);
                 // SAFETY: recording.
@@ -179,14 +192,22 @@ fn recordings_go_on_or_begin_anew() {
                 recorded.discarded();
                 assert!(!plan.load().unwrap());
             }
+            if given_up == "the same view" {
+                assert!(plan.set_view(&views[0]).unwrap());
+            }
             if given_up == "a view" && drawn == 2 {
                 assert!(plan.set_view(&views[1]).unwrap());
                 assert!(!plan.load().unwrap());
             }
         };
         let parts = plan.counters().iter().find(|(name, _)| *name == "parts").unwrap().1;
-        assert_eq!(drawn, if given_up == "nothing" { parts } else { parts + 2 }, "{given_up}");
-        let view = &views[usize::from(given_up == "a view")];
+        let twice = given_up.starts_with("a ");
+        assert_eq!(drawn, if twice { parts + 2 } else { parts }, "{given_up}");
+        let turned = given_up.starts_with("a view");
+        let view = &views[usize::from(turned)];
+        if turned {
+            assert!(plan.set_view(&views[0]).unwrap());
+        }
         let numbers: &[[f32; 4]] = bytemuck::cast_slice(&bytes);
         assert_eq!(numbers, draw_on(&on_gpu, view, "splat-ewa:parts=1").pixels(), "{given_up}");
     }

@@ -49,8 +49,14 @@ impl Places {
 
 /// Builds a grid from points on a lattice and arrays on its points or cells. `dims` counts points.
 ///
-/// Cell data gives a sample at the centre of each cell. Points and cells hidden by VTK's ghost array become NaN.
-pub(crate) fn build(mut origin: Origin, dims: [u32; 3], places: Places) -> Result<Found> {
+/// Cell data gives a sample at the centre of each cell. Points and cells hidden by VTK's ghost array become NaN. `in_file` has the samples of
+/// the array that is shown where they stay in the file.
+pub(crate) fn build(
+    mut origin: Origin,
+    dims: [u32; 3],
+    places: Places,
+    in_file: Option<Samples>,
+) -> Result<Found> {
     let source = origin.source;
     if origin.is_kept() {
         return keep(origin, dims, places);
@@ -77,9 +83,14 @@ pub(crate) fn build(mut origin: Origin, dims: [u32; 3], places: Places) -> Resul
     let overflow = || source.error("dimensions", format!("{dims:?}: more samples than memory can address"));
     let count =
         dims.iter().try_fold(1_u64, |n, &extent| n.checked_mul(u64::from(extent))).ok_or_else(overflow)?;
-    let stored = if pick == Pick::Magnitude { 4 } else { array.kind.stored_bytes() };
-    origin.budget.take("dimensions", count.saturating_mul(stored))?;
-    let mut samples = (origin.read)(index, pick)?.into_samples();
+    let mut samples = match in_file {
+        Some(samples) => samples,
+        None => {
+            let stored = if pick == Pick::Magnitude { 4 } else { array.kind.stored_bytes() };
+            origin.budget.take("dimensions", count.saturating_mul(stored))?;
+            (origin.read)(index, pick)?.into_samples()
+        }
+    };
     if Ok(samples.len()) != usize::try_from(count) {
         let [x, y, z] = dims;
         let rule = format!("{} tuples: {x} x {y} x {z} are needed", samples.len());

@@ -123,7 +123,7 @@ impl File<'_> {
     fn lattice(&mut self, places: Places) -> Result<Found> {
         let (dims, points, cells) = self.dims()?;
         self.contents.fit(self.source, points, cells)?;
-        self.build(|origin| lattice::build(origin, dims, places))
+        self.build(|origin| lattice::build(origin, dims, places, None))
     }
 
     fn dataset(&mut self, dataset: Dataset) -> Result<Found> {

@@ -203,7 +203,8 @@ impl SplatSet {
         let Held::Host(lists) = &mut self.held else { return Ok(()) };
         let needed = widest * u64::from(self.count);
         if needed > room {
-            let object = format!("a buffer of {} visible kernels", self.count);
+            let object =
+                format!("a buffer of {} visible kernels, of which {} fit,", self.count, room / widest);
             return Err(Error::Memory { object, needed, available: room, budget: gpu.memory_budget() });
         }
         // A binding must hold something.

@@ -156,8 +156,9 @@ impl GridFrame {
         let pixels = view.extent().map(u64::from).iter().product();
         let margin =
             (scene.scene().mode != Mode::Maximum).then(|| scene.margin(technique.segments().as_ref()));
-        let paging =
-            pages.map(|form| Paging::new(scene, name, form, margin, view, pixels, true)).transpose()?;
+        let paging = pages
+            .map(|form| Paging::new(scene, name, form, margin, view, pixels, !target.sampled))
+            .transpose()?;
         let knots = scene.knots()?;
         let cut = cut(name, scene, technique.as_ref(), volume, &knots, view, axis)?;
         let desc = RouteDesc {
@@ -248,6 +249,7 @@ impl GridFrame {
                     for _ in 0..count.div_ceil(*slabs_per_dispatch).max(1) {
                         push.order =
                             march_order(samples.axis, false) | if resumes { MARCH_RESUMES } else { 0 };
+                        paging.record_dispatch(recorder, name);
                         let push = bytemuck::bytes_of(&push);
                         recorder.dispatch(&format!("{name}.march"), first, descriptors, push, groups.clone());
                         resumes = true;

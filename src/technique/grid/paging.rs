@@ -45,7 +45,7 @@ struct Missed {
     rays: u64,
     /// Whether the rays are those of pixels, and not of an image from which they are interpolated.
     of_pixels: bool,
-    /// The greatest component of colour and opacity that a ray may still get where its transmittance is 1.
+    /// The greatest component of colour and opacity that a pixel may still get where the transmittance of rays is 1.
     most: f64,
 }
 
@@ -68,8 +68,9 @@ impl Paging {
         let wanted = buffer(gpu, &format!("{name}.wanted"), words)?;
         let states = buffer(gpu, &format!("{name}.rays"), num::wide(size_of::<RayState>()) / 4 * rays)?;
         let read = download(gpu, &format!("{name}.missed"), READ_BYTES)?;
-        let missed =
-            Arc::new(Missed { read, pool: Arc::clone(&pool), rays, of_pixels, most: scene.max_colour() });
+        // The positive weights of a bicubic interpolation have a sum of 1.282 at most.
+        let most = scene.max_colour() * if of_pixels { 1.0 } else { 1.29 };
+        let missed = Arc::new(Missed { read, pool: Arc::clone(&pool), rays, of_pixels, most });
         let order = PageOrder::new(scene.grid()?, view);
         Ok(Self {
             pool,
@@ -125,6 +126,11 @@ impl Paging {
     pub(crate) fn record_begin(&self, recorder: &mut Recorder<'_>, name: &str) -> bool {
         recorder.clear_buffer(&format!("{name}.wanted.clear"), &self.wanted);
         recorder.records() && self.resumes.swap(false, Ordering::Relaxed)
+    }
+
+    /// Records what comes before each dispatch of the march: rays that have not ended by then note themselves anew.
+    pub(crate) fn record_dispatch(&self, recorder: &mut Recorder<'_>, name: &str) {
+        recorder.clear_start(&format!("{name}.unfinished.clear"), &self.wanted, 4 * u64::from(WANTED_COUNT));
     }
 
     /// Records what comes after the march.

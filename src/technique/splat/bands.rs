@@ -116,11 +116,29 @@ impl BandedDraw {
 
     /// Returns counts of work that are known before a frame is drawn.
     pub(super) fn counters(&self) -> Vec<(&'static str, u64)> {
-        vec![
-            ("tiles", self.bands.iter().map(|band| u64::from(band.tiles)).sum()),
-            ("bands", num::wide(self.bands.len())),
-            ("rounds", self.rounds.into()),
-        ]
+        self.counters_of(&self.bands)
+    }
+
+    /// Returns the same for a frame with other bands.
+    pub(super) fn counters_of<'b>(
+        &self,
+        bands: impl IntoIterator<Item = &'b Band>,
+    ) -> Vec<(&'static str, u64)> {
+        let tiles: Vec<u64> = bands.into_iter().map(|band| band.tiles.into()).collect();
+        vec![("tiles", tiles.iter().sum()), ("bands", num::wide(tiles.len())), ("rounds", self.rounds.into())]
+    }
+
+    /// Records passes that make the pixels of some bands transparent: those that draw bins, which are empty.
+    pub(super) fn record_empty(&self, recorder: &mut Recorder<'_>, push: SplatPush, bands: &[Band]) {
+        recorder.clear_buffer("bins.ends.clear", &self.bins.ends);
+        for band in bands {
+            let push = SplatPush { band: band.first, tiles: band.tiles, ..push };
+            for step in &self.steps {
+                if let Step::Bins(rounds) = step {
+                    rounds.record(recorder, push, 1, &Groups::Fixed(groups_of(band.tiles, 1)));
+                }
+            }
+        }
     }
 
     /// Records a frame: `stage`, which ranks splats, then all passes, and copies of what they count.

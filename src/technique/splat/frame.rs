@@ -60,6 +60,7 @@ const _: () = assert!(FOOTPRINT_PARTS == 8);
 pub(crate) struct SplatFrame {
     desc: SplatDesc,
     set: Arc<SplatSet>,
+    of: View,
     view: SplatView,
     project: Dispatch,
     sort: RadixSort,
@@ -229,7 +230,16 @@ impl SplatFrame {
         let place = |parts| if parts == 1 { Place::Device } else { Place::Host };
         let prepare = |parts| {
             let set = scene.splats(&desc.kernels, desc.options.step, place(parts))?;
-            Self::of_set(scene, view, target, desc, (&set, parts))
+            let frame = Self::of_set(scene, view, target, desc, (&set, parts));
+            let rows = view.extent()[1].div_ceil(TILE);
+            frame.map_err(|error| match error {
+                // More parts do not help.
+                Error::Memory { .. } if parts > 1 && parts >= rows => {
+                    let what = format!("{} in parts of this view", desc.name);
+                    Error::unsupported(what, format!("room for the kernels of one row of tiles: {error}"))
+                }
+                error => error,
+            })
         };
         let forget = |parts| {
             if parts == 1 {
@@ -335,14 +345,14 @@ impl SplatFrame {
         let rounds = desc.rounds(longest).max(known.rounds);
         let (draw, repair) = inputs.passes(gpu, &desc, rounds)?;
 
-        // A view of other parts may have more bands.
-        let most_bands = if parts.is_some() { 2 * bands.len() + 2 } else { bands.len() };
+        let most_bands = parts.as_ref().map_or(bands.len(), |parts| parts.most_bands()[1]);
         let banded = BandedDraw { bins, bands, across, steps: vec![Step::Bins(draw.into())], repair, rounds };
         let outcome = banded.outcome(scene, name, set.count, most_bands)?;
         let (set, resumes) = (Arc::clone(set), AtomicBool::new(false));
         Ok(Self {
             desc,
             set,
+            of: *view,
             view: seen,
             project,
             sort,
@@ -362,6 +372,9 @@ impl SplatFrame {
         if begins {
             recorder.clear_buffer("status.clear", &self.status);
             self.outcome.record_begin(recorder);
+            // The image shows nothing yet where other parts are drawn.
+            let widest = self.banded.bands.iter().map(|band| band.tiles).max().unwrap_or(1);
+            self.banded.record_empty(recorder, push, &parts.rest(at, widest));
         }
         parts.record(recorder, begins);
         self.project.record(recorder, &parts.project(at, &self.view.project), groups_of(parts.room, 64));
@@ -382,14 +395,16 @@ impl Prepared for SplatFrame {
             return Ok(false);
         }
         if let Some(parts) = &mut self.parts {
-            if seen.project != self.view.project
-                && !parts.set_view(&seen.project, self.outcome.bins.len(), &self.banded.bands)
-            {
-                return Ok(false);
+            // A frame of the same view goes on.
+            if self.of != *view {
+                if !parts.set_view(&seen.project, &self.banded.bands) {
+                    return Ok(false);
+                }
+                self.resumes = AtomicBool::new(false);
+                self.outcome.take_next();
             }
-            self.resumes = AtomicBool::new(false);
-            self.outcome.take_next();
         }
+        self.of = *view;
         self.view = seen;
         Ok(true)
     }
@@ -411,8 +426,11 @@ impl Prepared for SplatFrame {
     }
 
     fn counters(&self) -> Vec<(&'static str, u64)> {
-        let mut counters = self.banded.counters();
-        counters.extend(self.parts.as_ref().map(|parts| ("parts", num::wide(parts.parts.len()))));
+        let Some(parts) = self.parts.as_ref().map(|parts| &parts.parts) else {
+            return self.banded.counters();
+        };
+        let mut counters = self.banded.counters_of(parts.iter().flat_map(|part| &part.bands));
+        counters.push(("parts", num::wide(parts.len())));
         counters
     }
 
@@ -456,11 +474,11 @@ impl Prepared for SplatFrame {
     fn record_most(&self, recorder: &mut Recorder<'_>, target: &TargetImage) {
         let Some(parts) = &self.parts else { return self.record(recorder, Some(target), true) };
         let push = SplatPush { turns: self.desc.turns, ..self.view.draw };
-        // The part with the most bands, with what only the first has.
-        let most = (0..parts.parts.len()).max_by_key(|&at| parts.parts[at].bands.len()).unwrap_or(0);
-        for at in [0, most] {
-            self.record_part(recorder, push, parts, at);
-        }
+        // The first part, and as many bands as no part may exceed.
+        self.record_part(recorder, push, parts, 0);
+        let more = vec![self.banded.bands[0]; parts.most_bands()[0]];
+        self.banded.record_bands(recorder, push, (&more, 0), &self.outcome);
+        self.banded.record_empty(recorder, push, &more);
     }
 }
 

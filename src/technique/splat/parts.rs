@@ -16,12 +16,16 @@ use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::interface::SplatViewPush;
 use crate::num;
 use crate::primitives::bins::{Fill, with_margin};
+use crate::primitives::radix_sort::MOST_PAIRS;
 use crate::resident::part_buffers::PartBuffers;
 use crate::resident::splats::{Shape, SplatSet};
 use crate::scene::Kernel;
 
-/// Pixels by which rows are widened: for rounding, and for filters of kernels that are smaller than a pixel.
-const MARGIN: f64 = 4.0;
+/// Pixels by which rows are widened, beside the filter of kernels that are smaller than a pixel.
+const MARGIN: f64 = 2.0;
+
+/// The error of places in float32, in units of the data.
+const ROUNDING: f64 = 1e-6;
 
 /// The depth, in radii of a kernel, up to which its affine footprint may reach any row.
 const NEAR: f64 = 8.0;
@@ -36,6 +40,8 @@ pub(super) struct SplatParts {
     held: PartBuffers,
     /// Kernels that the buffers have room for.
     pub(super) room: u32,
+    /// The most bands of a part, and of all, that a view may have.
+    most_bands: [usize; 2],
     /// Parts that were asked for.
     wanted: u32,
     /// Tiles in a row, and rows.
@@ -115,7 +121,7 @@ impl Reached {
 }
 
 impl SplatParts {
-    /// Makes buffers for a part of the kernels of a view, which is cut into at most `parts`; into more where it has no more rows of tiles.
+    /// Makes buffers for a part of the kernels of a view, which is cut into at most `parts`, or into its rows of tiles.
     pub(super) fn new(
         gpu: &Gpu,
         set: &Arc<SplatSet>,
@@ -126,16 +132,22 @@ impl SplatParts {
         let tiles = [width, height].map(|side| side.div_ceil(TILE));
         let rows = rows_of(set, push, tiles[1]);
         let reached = Reached::new(&rows, tiles[1]);
+        let least = reached.least_room(tiles[1], parts);
+        // The widest list holds records or shapes.
+        let widest = 16 * num::wide(set.entries().into_iter().fold(2, usize::max));
+        let most = (gpu.most_buffer_bytes() / widest).min(MOST_PAIRS.into());
+        if u64::from(least) > most {
+            let object = format!("a buffer of {least} kernels, of which {most} fit,");
+            let [needed, available] = [least.into(), most].map(|n: u64| widest * n);
+            return Err(Error::Memory { object, needed, available, budget: gpu.memory_budget() });
+        }
         // Nearby views need a little more.
-        let room = with_margin(reached.least_room(tiles[1], parts)).min(set.count.max(1));
+        let room = with_margin(least).min(set.count.max(1)).min(u32::try_from(most).unwrap_or(MOST_PAIRS));
         let bytes = set.entries().map(|each| 16 * num::wide(each) * u64::from(room));
         let held = PartBuffers::new(gpu, &[("splats.points", bytes[0]), ("splats.shapes", bytes[1])])?;
-        let mut own =
-            Self { set: Arc::clone(set), held, room, wanted: parts, tiles, rows, parts: Vec::new() };
-        own.parts = own.parts_of(&reached).ok_or_else(|| {
-            let why = format!("{room} kernels in one row of tiles of {TILE} pixels");
-            Error::unsupported("splats in parts of this view", why)
-        })?;
+        let (set, most_bands) = (Arc::clone(set), [usize::MAX; 2]);
+        let mut own = Self { set, held, room, most_bands, wanted: parts, tiles, rows, parts: Vec::new() };
+        own.parts = own.parts_of(&reached).unwrap_or_default();
         Ok(own)
     }
 
@@ -149,9 +161,10 @@ impl SplatParts {
         Some(reached.joined(count, room)?.into_iter().map(part).collect())
     }
 
-    /// Changes to another view. Returns `false`, and changes nothing, where a row of tiles has more kernels than there is room for, the view takes
-    /// more or wider bands than there were at most, or a recording reads the part that frames begin with.
-    pub(super) fn set_view(&mut self, push: &SplatViewPush, most_bands: usize, bands: &[Band]) -> bool {
+    /// Changes to another view. Returns `false`, and has the parts of the last one, where a row of tiles has more kernels than there is room for,
+    /// the view takes more bands than there may be, or a recording reads the part that frames begin with. `bands` are those of the first view:
+    /// bins have room for none that is wider.
+    pub(super) fn set_view(&mut self, push: &SplatViewPush, bands: &[Band]) -> bool {
         let rows = rows_of(&self.set, push, self.tiles[1]);
         let Some(mut parts) = self.parts_of(&Reached::new(&rows, self.tiles[1])) else { return false };
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
@@ -160,7 +173,9 @@ impl SplatParts {
             let cut = |first| Band { first, tiles: widest.min(all.first + all.tiles - first) };
             part.bands = (all.first..all.first + all.tiles).step_by(num::index(widest)).map(cut).collect();
         }
-        if parts.iter().map(|part| part.bands.len()).sum::<usize>() > most_bands {
+        let [of_part, of_all] = self.most_bands;
+        let of = |part: &Part| part.bands.len();
+        if parts.iter().any(|part| of(part) > of_part) || parts.iter().map(of).sum::<usize>() > of_all {
             return false;
         }
         let before = std::mem::replace(&mut self.parts, parts);
@@ -176,6 +191,22 @@ impl SplatParts {
     /// Returns the lists of points and shapes of a part.
     pub(super) fn buffers(&self) -> [Arc<Buffer>; 2] {
         [0, 1].map(|i| Arc::clone(&self.held.buffers[i]))
+    }
+
+    /// Returns the most bands of a part, and of all, that a view may have.
+    pub(super) fn most_bands(&self) -> [usize; 2] {
+        self.most_bands
+    }
+
+    /// Returns bands of at most `widest` tiles that hold what a part does not draw.
+    pub(super) fn rest(&self, part: usize, widest: u32) -> Vec<Band> {
+        let [across, down] = self.tiles;
+        let [first, end] = self.parts[part].rows.map(|row| row * across);
+        let cut = |[begin, end]: [u32; 2]| {
+            let band = move |first| Band { first, tiles: widest.min(end - first) };
+            (begin..end).step_by(num::index(widest)).map(band)
+        };
+        [[0, first], [end, across * down]].into_iter().flat_map(cut).collect()
     }
 
     /// Returns the number of the first band of a part among those of all.
@@ -210,6 +241,9 @@ impl SplatParts {
             all.extend(bands.iter().copied());
             self.parts[part].bands = bands;
         }
+        // Another view may have other parts, more and higher ones.
+        let most = self.parts.iter().map(|part| part.bands.len()).max().unwrap_or(1);
+        self.most_bands = [most + 2, 2 * all.len() + 2];
         Ok((all, capacity, longest))
     }
 
@@ -290,10 +324,11 @@ fn rows_of_sphere(push: &SplatViewPush, [y, z]: [f64; 2], radius: f64, count: u3
     let (a, b, c) = (w * w - w1 * w1 * zz * squared, y * w - w1 * yz * squared, y * y - yy * squared);
     let root = (b * b - a * c).max(0.0).sqrt();
     let half = WIDER * root / a;
-    let [low, high] =
-        [b / a + half, b / a - half].map(|at| f64::from(push.half_extent[1]) - at / f64::from(push.pixel));
+    let pixel = f64::from(push.pixel);
+    let margin = MARGIN + f64::from(push.cut) * f64::from(push.lowpass).sqrt() + ROUNDING / (w.abs() * pixel);
+    let [low, high] = [b / a + half, b / a - half].map(|at| f64::from(push.half_extent[1]) - at / pixel);
     let tile = |at: f64| num::u32_of((at / f64::from(TILE)).floor().clamp(-1.0, f64::from(count)) + 1.0);
-    let [first, end] = [tile(low - MARGIN).saturating_sub(1), tile(high + MARGIN)];
+    let [first, end] = [tile(low - margin).saturating_sub(1), tile(high + margin)];
     [first, end.min(count)].map(|row| u16::try_from(row).unwrap_or(u16::MAX))
 }
 

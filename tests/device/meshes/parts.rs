@@ -115,12 +115,15 @@ fn frames_that_are_given_up_begin_anew() {
         caller.begin([0.0; 4]);
         plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap()
     };
-    for given_up in ["nothing", "a recording", "a view"] {
+    for given_up in ["nothing", "a recording", "a view in flight", "a view"] {
         let mut drawn = 0;
         let bytes = loop {
             let recorded = record(&mut plan);
             let bytes = caller.end(&gpu);
             drawn += 1;
+            if given_up == "a view in flight" && drawn == 2 {
+                assert!(plan.set_view(&views[1]).unwrap());
+            }
             if recorded.completed().unwrap().complete {
                 break bytes;
             }
@@ -138,7 +141,11 @@ fn frames_that_are_given_up_begin_anew() {
             }
         };
         assert_eq!(drawn, if given_up == "nothing" { 5 } else { 7 }, "{given_up}");
-        let view = &views[usize::from(given_up == "a view")];
+        let turned = given_up.starts_with("a view");
+        let view = &views[usize::from(turned)];
+        if turned {
+            assert!(plan.set_view(&views[0]).unwrap());
+        }
         let whole = draw_on(&on_gpu, view, "havs:parts=1");
         let numbers: &[[f32; 4]] = bytemuck::cast_slice(&bytes);
         assert_eq!(numbers, whole.pixels(), "{given_up}");

@@ -441,6 +441,54 @@ fn all_samples_are_read() {
     }
 }
 
+/// Bare bytes of images stay in their file, and what is read of them is that of the whole; other arrays are read. Both are refused alike.
+#[test]
+fn bare_images_stay_in_their_file() {
+    let on_demand = |array: &str| ReadOptions { on_demand: Some(1), ..with(array) };
+    for style in STYLES {
+        for (array, dims) in [("density", [4, 3, 3]), ("heat", [3, 2, 2])] {
+            let whole = grid(read(style.what, "a.vti", vti(style), array));
+            let loaded = Sample::one("", "a.vti", vti(style)).read(&on_demand(array));
+            let own = grid(loaded.unwrap_or_else(|error| panic!("{}: {error}", style.what)));
+            assert_eq!((own.dims(), own.origin()), (dims, whole.origin()), "{}", style.what);
+            let bare = style.format == Format::AppendedRaw && style.compressor == Compressor::None;
+            match own.samples() {
+                Samples::OnDemand(samples) => {
+                    assert!(bare, "{}", style.what);
+                    for (first, extent) in [([0; 3], dims), ([1, 1, 0], [2, 1, 2])] {
+                        let part = samples.read(first, extent).unwrap();
+                        for i in 0..part.len() as u32 {
+                            let place = [i % extent[0], i / extent[0] % extent[1], i / extent[0] / extent[1]];
+                            let [x, y, z] = [0, 1, 2].map(|axis| first[axis] + place[axis]);
+                            assert_eq!(part.get(i as usize), whole.value(x, y, z), "{}", style.what);
+                        }
+                    }
+                }
+                samples => assert!(!bare && samples == whole.samples(), "{}", style.what),
+            }
+        }
+    }
+    let good = vti(RAW);
+    let ghosts = replaced(&good, "Name=\"heat\"", "Name=\"vtkGhostType\"");
+    let size = 72_u32.to_le_bytes();
+    let at = good.windows(4).position(|word| word == size).unwrap();
+    let mut longer = good.clone();
+    longer[at] += 1;
+    for (what, bytes) in [
+        ("another size", longer),
+        ("cut off", good[..at + 40].to_vec()),
+        ("more after the end", [good.as_slice(), b"<a/>"].concat()),
+        ("an offset beyond", replaced(&good, "offset=\"0\"", "offset=\"9999999\"")),
+        ("another type", replaced(&good, "\"Int16\"", "\"Int32\"")),
+    ] {
+        let [error, whole] = [on_demand("density"), with("density")]
+            .map(|options| Sample::one("", "a.vti", bytes.clone()).read(&options).unwrap_err().to_string());
+        assert_eq!(error, whole, "{what}");
+    }
+    let hidden = Sample::one("", "a.vti", ghosts).read(&on_demand("density")).unwrap();
+    assert!(matches!(grid(hidden).samples(), Samples::OnDemand(_)), "no point is hidden");
+}
+
 #[test]
 fn every_encoding_of_an_image_gives_the_same_grid() {
     for style in STYLES {

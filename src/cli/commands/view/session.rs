@@ -51,6 +51,8 @@ pub(super) struct Session {
     is_refused: bool,
     /// Number of changes of what the picture shows.
     version: u64,
+    /// The version of which a part was drawn last.
+    part_of: Option<u64>,
     /// The version whose error is known or being estimated.
     estimated: Option<u64>,
     changed: Option<Instant>,
@@ -93,6 +95,7 @@ impl Session {
             shown: None,
             is_refused: false,
             version: 0,
+            part_of: None,
             estimated: None,
             changed: None,
             ms: 0.0,
@@ -140,8 +143,8 @@ impl Session {
 
     /// Returns how far the part that is drawn of the complete picture of a grid in pages is from it at most.
     pub(super) fn part(&self) -> Option<ErrorBound> {
-        let (setup, frames) = self.plans[0].as_ref()?;
-        frames.bound().filter(|_| *setup == self.setup && !self.is_complete())
+        let (_, frames) = self.plans[0].as_ref().filter(|_| self.part_of == Some(self.version))?;
+        frames.bound()
     }
 
     /// Returns whether work beside the pictures has yet to end.
@@ -210,8 +213,11 @@ impl Session {
         let Some((_, frames)) = &mut self.plans[level] else { return Ok(()) };
         if !in_parts || level > 0 {
             frames.draw(&view)?;
-        } else if frames.draw_part(&view)?.is_none() {
-            return Ok(());
+        } else {
+            self.part_of = Some(self.version);
+            if frames.draw_part(&view)?.is_none() {
+                return Ok(());
+            }
         }
         (self.level, self.shown) = (Some(level), Some(level));
         // The last picture was shown until now.

@@ -1,7 +1,7 @@
 //! Image data and rectilinear grids: pieces joined by their extents.
 
 use crate::error::Result;
-use crate::io::build::arrays::{ArrayInfo, Association};
+use crate::io::build::arrays::{ArrayInfo, Association, Choice, choose};
 use crate::io::build::lattice::{self, Places};
 use crate::io::build::origin::Origin;
 use crate::io::file::budget::Budget;
@@ -11,10 +11,11 @@ use crate::io::file::text::index;
 use crate::io::formats::vtk_xml::document::{Document, Extent, Kind, Piece, Section, shape, volume, words};
 use crate::io::formats::vtk_xml::store::Store;
 use crate::io::formats::vtk_xml::{File, VtkXml};
-use crate::io::options::Request;
+use crate::io::options::{Request, Wanted};
 use crate::io::reader::Reader as _;
 use crate::io::report::Found;
 use crate::num;
+use crate::scene::Samples;
 
 impl File<'_> {
     /// Reads image data or a rectilinear grid.
@@ -66,13 +67,43 @@ impl File<'_> {
         };
 
         let arrays = self.arrays.clone();
+        let in_file = if kind == Kind::Image {
+            in_file(&mut self.store, &arrays, request, &pieces, dims)?
+        } else {
+            None
+        };
         let (store, mut scratch) = (&mut self.store, self.budget.clone());
         let mut read =
             |index: usize, pick| samples_of(store, &mut scratch, &pieces, extent, &arrays[index], pick);
         let (arrays, budget, read) = (arrays.clone(), &mut self.budget, &mut read);
         let origin = Origin { source, format: VtkXml.name(), arrays, spare: 0..0, request, budget, read };
-        lattice::build(origin, dims, places)
+        lattice::build(origin, dims, places, in_file)
     }
+}
+
+/// Returns the samples of the array that is shown, on so many points along each axis, where they stay in the file.
+fn in_file(
+    store: &mut Store,
+    arrays: &[ArrayInfo],
+    request: &Request,
+    pieces: &[&Piece],
+    points: [u32; 3],
+) -> Result<Option<Samples>> {
+    let ([piece], Wanted::Scene) = (pieces, request.wanted) else { return Ok(None) };
+    let Some(Choice { index, pick }) = choose(store.source, arrays, request.array.as_deref())? else {
+        return Ok(None);
+    };
+    let info = &arrays[index];
+    let dims = match info.association {
+        Association::Point => points,
+        Association::Cell => points.map(|extent| extent.saturating_sub(1)),
+    };
+    // Hidden samples become NaN, which takes all of them.
+    let hides = arrays.iter().any(|array| array.is_ghosts(info.association));
+    if hides || dims.iter().any(|&extent| extent < 2) {
+        return Ok(None);
+    }
+    store.in_file(piece, info, pick, dims, request.options)
 }
 
 /// Reads the coordinates along each axis and joins those of the pieces.

@@ -10,14 +10,18 @@ use crate::error::{Error, Result};
 use crate::io::build::arrays::ArrayInfo;
 use crate::io::file::budget::Budget;
 use crate::io::file::decode::{self, Layout, Values};
+use crate::io::file::on_demand::InFile;
 use crate::io::file::sample_type::{Endian, Pick, SampleType};
+use crate::io::file::samples;
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::Source;
 use crate::io::file::text::{self, stream_error};
 use crate::io::formats::vtk_xml::blocks::Blocks;
 use crate::io::formats::vtk_xml::bytes::Bytes;
 use crate::io::formats::vtk_xml::document::{Array, Document, Piece, Place, Storage, Text};
+use crate::io::options::ReadOptions;
 use crate::num;
+use crate::scene::{OnDemand, Samples};
 
 /// The limit on the bytes read, as a multiple of the file size.
 const MOST_OFTEN: u64 = 16;
@@ -130,6 +134,38 @@ impl<'a> Store<'a> {
             let layout = Layout { dims: [0; 3], kind, endian, components, pick };
             decode::append(reader, tuples, &layout, values)
         })
+    }
+
+    /// Returns the samples of the array of a piece that has this description, where they are bare bytes that stay in the file.
+    pub(crate) fn in_file(
+        &mut self,
+        piece: &Piece,
+        info: &ArrayInfo,
+        pick: Pick,
+        dims: [u32; 3],
+        options: &ReadOptions,
+    ) -> Result<Option<Samples>> {
+        let Some(array) = piece.array(info.association, &info.name) else { return Ok(None) };
+        let components = array.components;
+        let numbers = self.numbers(array, piece.tuples(info.association))?;
+        let kind = self.check(array, numbers)?;
+        let (begin, stored, base64) = self.span(array)?;
+        let layout = Layout { dims, kind, endian: self.storage.endian, components, pick };
+        let (_, bytes, stays) = samples::stays_in_file(self.source, &array.at(), &layout, options)?;
+        let packed = base64 || self.storage.compressor.is_some() || self.source.is_gzip();
+        // Arrays that are not of this grid are refused later.
+        if packed || !stays || numbers.saturating_mul(kind.bytes()) != bytes {
+            return Ok(None);
+        }
+        self.seek(begin)?;
+        let scanner = &mut self.scanner;
+        Bytes { source: self.source, at: array.at(), scanner, stored, left: 0, decoded: None }
+            .begin(self.storage, bytes)?;
+        let offset = begin + self.storage.word;
+        // The end of the document comes after them.
+        self.seek(offset + bytes)?;
+        let samples = InFile { source: self.source.clone(), offset, layout };
+        Ok(Some(Samples::OnDemand(OnDemand::new(dims, samples)?)))
     }
 
     /// Skips the bytes of an array that is neither compressed nor text, if they are there.
