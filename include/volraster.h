@@ -1828,7 +1828,7 @@ enum vr_result vr_plan_set_view(struct vr_plan *plan,
 
 /**
  * Loads what the last recording lacked of a grid in pages or a mesh or points in parts, since the device has no room for the whole, where vr_status::complete
- * is VK_FALSE. VR_OK says that a recording of the same view goes on with the image; VR_NO_ROOM that nothing was lacking: call
+ * is VK_FALSE. VR_OK says that the next recording goes on with the image, or begins anew where the view has changed since; VR_NO_ROOM that nothing was lacking: call
  * vr_plan_prepare() then. Reads the source of the data, submits and waits.
  *
  * Fails with VR_ERROR_INVALID while a recording is not completed, with errors of the data's source, and as vr_plan_create().

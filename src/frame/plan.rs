@@ -594,7 +594,7 @@ impl Plan {
     }
 
     /// Loads what the last recording lacked of a grid that is kept in pages, or the next part of a mesh or of points, since the device
-    /// has no room for the whole. Returns whether a recording of the same view goes on with the image: until every ray has ended, it shows
+    /// has no room for the whole. Returns whether the next recording goes on with the image, or begins anew where the view has changed since the last one: until every ray has ended, it shows
     /// what rays have met so far, in the order of compositing. Reads the source of the data, submits and waits.
     ///
     /// # Errors
