@@ -1985,4 +1985,4 @@ void vr_recording_destroy(struct vr_recording *recording);
 
 #endif  /* VOLRASTER_H */
 
-/* Checksum of the sources: e81bfc57e786968d */
+/* Checksum of the sources: 7912cb1490ed712a */
