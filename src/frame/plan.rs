@@ -606,7 +606,7 @@ impl Plan {
         if Arc::strong_count(&self.in_flight) > 1 {
             return Err(Error::invalid("plan", "its last recording has not been completed"));
         }
-        // What the last recording lacked is of another view; the next one begins anew.
+        // The last recording lacked data of another view; the next one begins anew.
         if std::mem::take(&mut self.turned) { Ok(true) } else { self.prepared.load() }
     }
 

@@ -82,7 +82,7 @@ struct VisibleData {
     trained: Cache<(), Arc<TrainedSet>>,
 }
 
-/// What the visible kernels of a scene depend on.
+/// The properties that decide the visible kernels of a scene.
 type SplatKey = (Kernel, Model, [u64; 4], Place);
 
 fn splat_key(kernels: &Kernels, thickness: f64, place: Place) -> SplatKey {

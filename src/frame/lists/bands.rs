@@ -1,5 +1,7 @@
 //! Bands: tiles that are drawn together because their entries fit one buffer.
 
+use crate::num;
+
 /// Consecutive tiles of an image that are drawn together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Band {
@@ -7,6 +9,14 @@ pub(crate) struct Band {
     pub(crate) first: u32,
     /// Number of tiles.
     pub(crate) tiles: u32,
+}
+
+impl Band {
+    /// Cuts the tiles from `begin` to before `end` into bands of at most `widest`.
+    pub(crate) fn cut([begin, end]: [u32; 2], widest: u32) -> impl Iterator<Item = Self> {
+        let band = move |first| Self { first, tiles: widest.min(end - first) };
+        (begin..end).step_by(num::index(widest)).map(band)
+    }
 }
 
 /// Cuts an image into bands of at most `soft` entries and `widest` tiles each; a tile of more entries is a band of its own.

@@ -144,8 +144,7 @@ impl Sweep {
             measured(gpu, &ranking, &parts.needs, &fills, tiles, flagged.is_some())?;
         // A part that comes into view later has bands as wide as the widest, until a frame finds that it needs more.
         let widest = found.iter().flatten().map(|band| band.tiles).max().unwrap_or(tiles);
-        let cut = |first| Band { first, tiles: widest.min(tiles - first) };
-        let unseen: Vec<Band> = (0..tiles).step_by(num::index(widest)).map(cut).collect();
+        let unseen: Vec<Band> = Band::cut([0, tiles], widest).collect();
         let mut bands = vec![unseen; parts.count()];
         for (&part, found) in order.iter().zip(found) {
             bands[num::index(part)] = found;

@@ -169,9 +169,7 @@ impl SplatParts {
         let Some(mut parts) = self.parts_of(&Reached::new(&rows, self.tiles[1])) else { return false };
         let widest = bands.iter().map(|band| band.tiles).max().unwrap_or(1);
         for part in &mut parts {
-            let all = part.bands[0];
-            let cut = |first| Band { first, tiles: widest.min(all.first + all.tiles - first) };
-            part.bands = (all.first..all.first + all.tiles).step_by(num::index(widest)).map(cut).collect();
+            part.bands = Band::cut(part.rows.map(|row| row * self.tiles[0]), widest).collect();
         }
         let [of_part, of_all] = self.most_bands;
         let of = |part: &Part| part.bands.len();
@@ -202,11 +200,8 @@ impl SplatParts {
     pub(super) fn rest(&self, part: usize, widest: u32) -> Vec<Band> {
         let [across, down] = self.tiles;
         let [first, end] = self.parts[part].rows.map(|row| row * across);
-        let cut = |[begin, end]: [u32; 2]| {
-            let band = move |first| Band { first, tiles: widest.min(end - first) };
-            (begin..end).step_by(num::index(widest)).map(band)
-        };
-        [[0, first], [end, across * down]].into_iter().flat_map(cut).collect()
+        let others = [[0, first], [end, across * down]];
+        others.into_iter().flat_map(|tiles| Band::cut(tiles, widest)).collect()
     }
 
     /// Returns the number of the first band of a part among those of all.
