@@ -15,7 +15,7 @@
 #define BINDING_RESULT 5        // storage block: results of the start-up probes
 #define BINDING_TABLE_HEAD 6    // storage block: head of a pre-integration table, and the bins of a cumulative one
 #define BINDING_TABLE 7         // sampler3D: nodes of a full table
-#define BINDING_BRICKS 8        // storage block: one word per brick: 0 where nothing is visible, or its greatest scalar
+#define BINDING_BRICKS 8        // storage block: a code for each brick: whether anything is visible in it, or its greatest scalar
 #define BINDING_RANGES 9        // storage block: least and greatest scalar of each brick
 #define BINDING_VISIBLE 10      // storage block: ranges of scalars with extinction
 #define BINDING_TEXELS 11       // storage block: packed texels of the image that the shader blends into
@@ -71,14 +71,14 @@
 
 #define BINDING_PIXELS 66       // storage block: list of pixels that are drawn once more, or of tiles
 #define BINDING_LIGHT 67        // uniform block: the light of a lit grid
-#define BINDING_AROUND 68       // storage block: one word per brick: 0 where nothing is visible in it and the bricks around it
+#define BINDING_AROUND 68       // storage block: a bit for each brick: 0 where nothing is visible in it and the bricks around it
 #define BINDING_TILE_INTERVALS 69 // storage block: the two depths between which each tile of the image shows anything
 
 #define BINDING_PILOTS 70       // storage block: colours of the ray of each tile's centre at several steps
 #define BINDING_ERRORS 71       // storage block: number of tiles by the error of the greatest step
 #define BINDING_TILE_STEPS 72   // storage block: step of each tile of the image
 
-#define BINDING_PAGES 77        // storage block: PAGES_FIRST words of the pool, then a PAGE_* word for each page
+#define BINDING_PAGES 77        // storage block: a PAGE_* word for each page
 #define BINDING_WANTED 78       // storage block: WANTED_* words: pages that rays have missed
 #define BINDING_RAYS 79         // storage block: how far the ray of each pixel has come
 #define BINDING_POOL 80         // sampler3D: the pages of a grid for techniques of stacks
@@ -211,9 +211,7 @@
 #define PIXELS_COUNT 3
 #define PIXELS_FIRST 4
 
-// Words of BINDING_PAGES: slots of the pool along x and y; then for each page flags, and of a page that is held the place of its slot, 8 bits
-// an axis.
-#define PAGES_FIRST 2
+// Words of BINDING_PAGES: flags, and of a page that is held the place of its slot, 8 bits an axis.
 #define PAGE_HELD 2147483648   // it is in a slot
 #define PAGE_HIDDEN 1073741824 // nothing is visible in it
 
@@ -236,6 +234,7 @@
 #define FOOTPRINT_PARTS 8 // intervals of a ray integral without a closed form, two points each
 
 #define BRICK 8            // cells along each side of a brick
+#define BRICK_ROW 32       // divides the codes of a row of bricks
 #define PAGE 64            // cells along each side of a page
 #define PAGE_TEXELS 67     // samples along each side of a page with its apron, of one sample on each side
 #define PAGE_BRICKS 8      // bricks along each side of a page

@@ -132,11 +132,11 @@ pub(crate) struct WarpPush {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub(crate) struct BricksPush {
-    pub(crate) bricks: u32,
-    pub(crate) ranges: u32,
-    pub(crate) margin: f32,
     pub(crate) across: u32,
     pub(crate) rows: u32,
+    pub(crate) planes: u32,
+    pub(crate) ranges: u32,
+    pub(crate) margin: f32,
 }
 
 /// The push constants of every technique for meshes (`mesh.glsl`).

@@ -3,23 +3,21 @@
 #define EMPTY_SPACE_GLSL
 
 #include "interface.glsl"
+#include "shared/brick-codes.glsl"
 #include "shared/integers.glsl"
-#include "grid/pages.glsl"
+#include "grid/lattice.glsl"
 #include "grid/ray.glsl"
 
 layout(constant_id = SPEC_EMPTY_SPACE) const bool EMPTY_SPACE = false;
 layout(constant_id = SPEC_GREATEST) const bool GREATEST = false;
 
 layout(set = 0, binding = BINDING_BRICKS, std430) readonly buffer Bricks {
-    uint words[]; // 0 where nothing is visible; GREATEST: bits of the greatest scalar; PAGED: those of each slot of the pool
+    uint codes[];
 } bricks;
 
 struct BrickGrid {
     ivec3 count;
     ivec3 stride;
-    ivec3 pages;    // steps from page to page, and between the bricks of one
-    ivec3 of_page;
-    ivec3 of_slot;  // bricks from slot to slot of the pool
     vec3 half_size; // half the domain, indices
     float reached;  // GREATEST: the greatest scalar of the ray so far
 };
@@ -29,17 +27,18 @@ BrickGrid bricks_of(vec3 half_size, uint axis) {
     ivec3 count = max(ivec3(ceil(2.0 * half_size / float(BRICK) - 1e-3)), ivec3(1));
     BrickGrid grid;
     grid.count = count;
-    // The words are stored along the grid's own axes, whichever of them is z here.
+    // The codes are stored along the grid's own axes, whichever of them is z here.
+    uint x = (2u - axis) % 3u;
+    count[x] = row_of(count[x]);
     grid.stride = strides_of(count, axis);
     grid.half_size = half_size;
     grid.reached = -3e38;
-    if (PAGED) {
-        grid.pages = page_strides(half_size, axis);
-        grid.of_page = strides_of(ivec3(PAGE_BRICKS), axis);
-        int slot = PAGE_BRICKS * PAGE_BRICKS * PAGE_BRICKS, across = int(page_words[0]);
-        grid.of_slot = slot * ivec3(1, across, across * int(page_words[1]));
-    }
     return grid;
+}
+
+// Returns whether a brick may show anything.
+bool may_show(int brick, BrickGrid grid) {
+    return GREATEST ? greatest_of(bricks.codes[brick / 2], brick) > grid.reached : bit_of(bricks.codes[brick / 32], brick);
 }
 
 // Returns the number of slabs, h cells thick, to march before the next look at the bricks: about two bricks. It is the same for all
@@ -52,8 +51,6 @@ uint slabs_between_looks(float h) {
 //
 // Rounding may place a position in a neighbouring brick, and the ray may skip a corner of a brick that is shorter than the nudge:
 // both are harmless, because the range of a brick includes the samples one cell around it.
-//
-// Of a grid in pages a page that is not held counts as visible, unless it is known that it is not.
 float empty_until(Ray ray, float z, float far, BrickGrid grid) {
     const float NUDGE = 0.01; // cells
     float speed = max(max(abs(ray.d.x), abs(ray.d.y)), abs(ray.d.z));
@@ -62,27 +59,9 @@ float empty_until(Ray ray, float z, float far, BrickGrid grid) {
     for (int turn = 0; turn < 64; ++turn) {
         vec3 place = (fma(vec3(at + nudge), ray.d, ray.q) + grid.half_size) / float(BRICK);
         ivec3 brick = min(whole_of(max(place, vec3(0.0))), grid.count - 1);
-        float side = float(BRICK);
-        bool hidden = false;
-        ivec3 word = brick * grid.stride;
-        int of_brick = word.x + word.y + word.z;
-        if (PAGED) {
-            ivec3 page = brick / PAGE_BRICKS, of_page = page * grid.pages;
-            uint page_word = page_words[PAGES_FIRST + of_page.x + of_page.y + of_page.z];
-            if (page_word == 0u) break;
-            ivec3 within = (brick - page * PAGE_BRICKS) * grid.of_page + slot_of(page_word) * grid.of_slot;
-            of_brick = within.x + within.y + within.z;
-            hidden = (page_word & PAGE_HIDDEN) != 0u;
-            if (hidden) {
-                brick = page;
-                side = float(PAGE);
-            }
-        }
-        if (!hidden) {
-            uint brick_word = bricks.words[of_brick];
-            if (GREATEST ? uintBitsToFloat(brick_word) > grid.reached : brick_word != 0u) break;
-        }
-        vec3 face = (vec3(brick) + mix(vec3(0.0), vec3(1.0), greaterThan(ray.inverse, vec3(0.0)))) * side;
+        ivec3 code = brick * grid.stride;
+        if (may_show(code.x + code.y + code.z, grid)) break;
+        vec3 face = (vec3(brick) + mix(vec3(0.0), vec3(1.0), greaterThan(ray.inverse, vec3(0.0)))) * float(BRICK);
         vec3 leave = (face - grid.half_size - ray.q) * ray.inverse;
         at = max(min(min(leave.x, leave.y), leave.z), at + nudge);
         if (at >= far) break;

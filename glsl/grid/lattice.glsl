@@ -21,6 +21,14 @@ struct Lattice {
     vec3 texel;     // of the pages' pool, in its normalised coordinates
 };
 
+// Returns the steps from a thing to the next along each axis in a list that is x fastest, in an index space whose z is axis `axis` of the
+// grid and whose other axes follow cyclically.
+ivec3 strides_of(ivec3 count, uint axis) {
+    return axis == 2u ? ivec3(1, count.x, count.x * count.y)
+         : axis == 0u ? ivec3(count.z, count.z * count.x, 1)
+                      : ivec3(count.y * count.z, 1, count.y);
+}
+
 // Returns the mip level at which a voxel is as large as a pixel, at depth z.
 float level_at(float z, Lattice lattice) {
     return max(lattice.lod + log2(max(fma(lattice.kd, z, lattice.kq), 1e-30)), 0.0);

@@ -70,9 +70,11 @@ bool knows(uint value, uint slab) {
 }
 
 // Finds the page of the first of a run of slabs, `slab` to before `stop`, and the next one that the ray meets. Returns the slab before which its
-// samples leave these two: the first lies at depth z, and the others follow by h or less each.
-uint run_on_pages(uint slab, uint stop, float z, float h, Ray ray, Lattice lattice) {
+// samples leave these two: the first lies at depth z, and the others follow by h or less each. A run is no longer than a walk, so that
+// invocations which run in lockstep do not wait for the longest.
+uint run_on_pages(uint slab, uint stop, uint walk, float z, float h, Ray ray, Lattice lattice) {
     if (!PAGED) return stop;
+    stop = min(stop, slab + walk);
     enter_pages(ray, z, fma(float(stop - slab), h, z), lattice);
     return uint(clamp(floor((page_until - z) / h) + float(slab + 1u), float(slab + 1u), float(stop)));
 }

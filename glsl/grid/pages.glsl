@@ -17,7 +17,7 @@
 
 layout(constant_id = SPEC_PAGED) const bool PAGED = false;
 
-// PAGES_FIRST words of the pool, then a PAGE_* word for each page, x fastest.
+// A PAGE_* word for each page, x fastest.
 layout(set = 0, binding = BINDING_PAGES, std430) readonly buffer Pages { uint page_words[]; };
 
 // 1 and the number of the last page that this invocation has missed; 0: none.
@@ -26,14 +26,6 @@ uint missed_page = 0u;
 // Returns whether a look-up has found no page: what came from it is no sample.
 bool has_missed() {
     return PAGED && missed_page != 0u;
-}
-
-// Returns the steps from a thing to the next along each axis in a list that is x fastest, in an index space whose z is axis `axis` of the
-// grid and whose other axes follow cyclically.
-ivec3 strides_of(ivec3 count, uint axis) {
-    return axis == 2u ? ivec3(1, count.x, count.x * count.y)
-         : axis == 0u ? ivec3(count.z, count.z * count.x, 1)
-                      : ivec3(count.y * count.z, 1, count.y);
 }
 
 // Returns the steps from page to page of a domain.
@@ -52,7 +44,7 @@ vec3 last_page = vec3(-1.0), pool_first;
 // Looks up a page. Returns whether it is held; else notes that it is missed, unless nothing is visible in it.
 bool look_up(ivec3 page, ivec3 strides, out bool hidden) {
     int number = page.x * strides.x + page.y * strides.y + page.z * strides.z;
-    uint word = page_words[PAGES_FIRST + number];
+    uint word = page_words[number];
     bool held = (word & PAGE_HELD) != 0u;
     hidden = (word & PAGE_HIDDEN) != 0u;
     if (held) pool_first = vec3(slot_of(word) * PAGE_TEXELS + 1 - page * PAGE);
@@ -60,40 +52,28 @@ bool look_up(ivec3 page, ivec3 strides, out bool hidden) {
     return held;
 }
 
-// Finds a cell of a page that shows nothing, and is not held, in the apron of a page beside it that shows something. Returns whether one is
-// held; else a page is missed: one of those, or the page itself.
-bool find_beside(ivec3 page, vec3 cell, ivec3 strides, vec3 last) {
-    vec3 local = cell - vec3(page * PAGE);
+// Finds the page of the cell at an index of the grid. A cell of a page that shows nothing, and is not held, is found in the apron of a page
+// beside it. Returns whether its samples are held; around the cell (`around`) only where its own page is. Else a page is missed.
+bool find_page(vec3 cell, bool around, ivec3 strides, vec3 last) {
+    vec3 place = floor(cell / float(PAGE));
+    if (place == last_page) return true;
+    last_page = vec3(-1.0);
+    vec3 local = cell - place * float(PAGE);
+    ivec3 page = whole_of(place), most = ivec3((last - 1.0) / float(PAGE));
     ivec3 beside = ivec3(equal(local, vec3(float(PAGE - 1)))) - ivec3(equal(local, vec3(0.0)));
-    ivec3 most = ivec3((last - 1.0) / float(PAGE));
-    for (int axes = 1; axes < 8; ++axes) {
+    for (int axes = 0; axes < 8; ++axes) {
         ivec3 chosen = ivec3(axes & 1, axes >> 1 & 1, axes >> 2), other = page + beside * chosen;
         bool hidden, exists = all(notEqual(chosen * abs(beside) - chosen, ivec3(-1))) && other == clamp(other, ivec3(0), most);
-        if (exists && look_up(other, strides, hidden)) {
-            missed_page = 0u;
+        if (!exists) continue;
+        if (look_up(other, strides, hidden)) {
+            if (axes == 0) last_page = place;
+            else missed_page = 0u;
             return true;
         }
+        if (axes == 0 && (around || !hidden)) break;
     }
     if (missed_page == 0u) missed_page = uint(page.x * strides.x + page.y * strides.y + page.z * strides.z) + 1u;
     return false;
-}
-
-// Finds the page of the cell at an index of the grid. Returns whether its samples are held; around the cell (`around`) only where its own page is.
-bool find_page(vec3 cell, bool around, ivec3 strides, vec3 last) {
-    vec3 place = floor(cell / float(PAGE));
-    bool held = true;
-    // (A loop, because software rasterisers execute branches that no invocation takes.)
-    for (uint once = 0u; once < uint(place != last_page); ++once) {
-        bool hidden;
-        ivec3 page = whole_of(place);
-        held = look_up(page, strides, hidden);
-        last_page = held ? place : vec3(-1.0);
-        if (!held && hidden) {
-            if (around) missed_page = uint(page.x * strides.x + page.y * strides.y + page.z * strides.z) + 1u;
-            else held = find_beside(page, cell, strides, last);
-        }
-    }
-    return held;
 }
 
 // Interpolates between the eight texels from i to j at one level.

@@ -84,7 +84,7 @@ void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint 
             front = face_of(texel, lattice);
         }
         while (i < stop && transmittance > opaque && !has_missed()) {
-            uint end = RUNS ? run_on_pages(i, stop, sample_of(segment(all, i, last, far)), h, ray, lattice) : stop;
+            uint end = RUNS ? run_on_pages(i, stop, walk, sample_of(segment(all, i, last, far)), h, ray, lattice) : stop;
             for (; i < end && transmittance > opaque && !has_missed(); i += AT_ONCE) {
                 vec2 pieces[MOST_AT_ONCE];
                 float texels[MOST_AT_ONCE];

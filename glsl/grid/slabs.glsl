@@ -117,7 +117,7 @@ void main() {
         Face front = face_of(texel, lattice);
         while (slab < stop && transmittance > opaque && !has_missed()) {
             float first = min(fma(float(slab + 1u), h, z0), interval.y);
-            uint end = RUNS ? run_on_pages(slab, stop, first, h, ray, lattice) : stop;
+            uint end = RUNS ? run_on_pages(slab, stop, walk, first, h, ray, lattice) : stop;
             for (; slab < end && transmittance > opaque && !has_missed(); ++slab) {
                 vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
                 float split = reached;

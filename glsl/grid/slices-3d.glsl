@@ -103,7 +103,7 @@ void main() {
         uint stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
         while (slab < stop && transmittance > opaque && !has_missed()) {
             vec2 first = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
-            uint end = RUNS ? run_on_pages(slab, stop, middle_of(first), h, ray, lattice) : stop;
+            uint end = RUNS ? run_on_pages(slab, stop, walk, middle_of(first), h, ray, lattice) : stop;
             for (; slab < end && transmittance > opaque && !has_missed(); slab += AT_ONCE) {
                 vec2 pieces[MOST_AT_ONCE];
                 float texels[MOST_AT_ONCE];

@@ -6,7 +6,7 @@
 // pixels lie within a brick's side of it along each axis, so they are in bricks that it has looked at. Where that does not hold, because
 // pixels are that large (MARCH_WIDE), the whole ray is shown.
 //
-//   in    words of the bricks and those around (bricks.glsl)
+//   in    whether anything is visible in each brick and those around it (bricks.glsl)
 //   out   two depths per tile, the first greater where it shows nothing; LISTS: a list of those that do, with the workgroups that draw them,
 //         and transparent pixels in the others
 //   cost  a brick per 8 voxels along each tile's ray
@@ -15,13 +15,14 @@
 
 #include "interface.glsl"
 #include "shared/device.glsl"
+#include "shared/brick-codes.glsl"
 #include "shared/integers.glsl"
 #include "frame/listed.glsl"
 #include "grid/grid.glsl"
 #include "grid/empty-space.glsl"
 
 layout(set = 0, binding = BINDING_AROUND, std430) readonly buffer Around {
-    uint words[];
+    uint bits[];
 } around;
 
 layout(set = 0, binding = BINDING_TILE_INTERVALS, std430) buffer TileIntervals {
@@ -49,11 +50,12 @@ vec2 shown_by(uvec2 tile) {
         vec3 place = (fma(vec3(at + nudge), ray.d, ray.q) + grid.half_size) / SIDE;
         // Outside of the grid the nearest brick stands for its neighbours there.
         vec3 brick = floor(place);
-        ivec3 word = whole_of(clamp(brick, vec3(0.0), vec3(grid.count - 1))) * grid.stride;
+        ivec3 code = whole_of(clamp(brick, vec3(0.0), vec3(grid.count - 1))) * grid.stride;
+        int number = code.x + code.y + code.z;
         vec3 face = (brick + mix(vec3(0.0), vec3(1.0), greaterThan(ray.inverse, vec3(0.0)))) * SIDE;
         vec3 leave = (face - grid.half_size - ray.q) * ray.inverse;
         float next = max(min(min(leave.x, leave.y), leave.z), at + nudge);
-        if (around.words[word.x + word.y + word.z] != 0u) shown = vec2(min(shown.x, at), next + nudge);
+        if (bit_of(around.bits[number / 32], number)) shown = vec2(min(shown.x, at), next + nudge);
         at = next;
     }
     return shown;

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::gpu::shader::{self, BRICK, BRICKS_AROUND, BRICKS_COMPUTE, PAGE_BRICKS, PAGE_TEXELS};
+use crate::gpu::shader::{self, BRICK, BRICK_ROW, BRICKS_AROUND, BRICKS_COMPUTE, PAGE_BRICKS, PAGE_TEXELS};
 use crate::gpu::{Buffer, Commands, Gpu, Recorder};
 use crate::interface::BricksPush;
 use crate::num;
-use crate::primitives::dispatch::{buffer, groups_of, pass};
+use crate::primitives::dispatch::{Dispatch, buffer, groups_of, pass};
 use crate::resident::clock::Clock;
 use crate::resident::visible_scalars::{above, below, nonzero_ranges};
 use crate::scene::{Grid, SampleKind, Samples, TransferFunction};
@@ -17,12 +17,17 @@ use crate::scene::{Grid, SampleKind, Samples, TransferFunction};
 /// So the range still holds for a position that rounding puts into the neighbouring cell.
 const APRON: usize = 1;
 
-/// Bytes of a brick on the device: its range, and two words that say whether it is visible, alone and with those around it.
-pub(crate) const BRICK_BYTES: u64 = 8 + 4 + 4;
-
 /// Returns the number of bricks along each axis of a grid.
 pub(crate) fn bricks_of(dims: [u32; 3]) -> [u32; 3] {
     dims.map(|n| n.saturating_sub(1).div_ceil(BRICK).max(1))
+}
+
+/// Returns the bytes of the bricks of a grid on the device: a range each, and two bits that say whether it is visible, alone and with those
+/// around it.
+pub(crate) fn brick_bytes(dims: [u32; 3]) -> u64 {
+    let [across, rows, planes] = bricks_of(dims).map(u64::from);
+    let row_bytes = 8 * across + across.next_multiple_of(u64::from(BRICK_ROW)) / 4;
+    row_bytes.saturating_mul(rows).saturating_mul(planes)
 }
 
 /// Returns the smallest and largest scalar of each brick of a grid, x fastest, in the units of its data;
@@ -202,10 +207,157 @@ fn slack(min: f64, max: f64, terms: f64) -> f64 {
     (max - min) / 512.0 + 4.0 * unit
 }
 
-/// Uploads one word for each brick of a grid: the bits of its greatest scalar.
-pub(crate) fn greatest_scalars(gpu: &Gpu, grid: &Grid) -> Result<Arc<Buffer>> {
-    let greatest: Vec<f32> = brick_ranges(grid).into_iter().map(|[_, greatest]| greatest).collect();
-    Buffer::with_data(gpu, "bricks.greatest", bytemuck::cast_slice(&greatest))
+/// The scalars of a brick of which nothing is known.
+const UNKNOWN: [f32; 2] = [-f32::MAX, f32::MAX];
+
+/// What the codes of bricks tell.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Telling {
+    /// 1 where one of these ranges of scalars, widened by a margin, occurs; else 0.
+    Visible { scalars: Vec<[f32; 2]>, margin: f32 },
+    /// The upper half of a float not below the greatest scalar.
+    Greatest,
+}
+
+impl Telling {
+    /// Returns the bits of a code.
+    const fn bits(&self) -> u32 {
+        match self {
+            Self::Visible { .. } => 1,
+            Self::Greatest => 16,
+        }
+    }
+
+    /// Returns the code of bricks with a range of scalars.
+    fn code(&self, range: [f32; 2]) -> u32 {
+        match self {
+            Self::Greatest => {
+                let up = if range[1].is_sign_negative() { 0 } else { 0xFFFF };
+                (range[1].to_bits() + up) >> 16
+            }
+            Self::Visible { scalars, margin } => {
+                let meets =
+                    |scalars: &[f32; 2]| scalars[1] + margin >= range[0] && scalars[0] - margin <= range[1];
+                u32::from(range[0] <= range[1] && scalars.iter().any(meets))
+            }
+        }
+    }
+
+    /// Returns whether nothing is visible in bricks with a range of scalars.
+    pub(crate) fn hides(&self, range: [f32; 2]) -> bool {
+        *self != Self::Greatest && self.code(range) == 0
+    }
+}
+
+/// A code for each brick of a grid (`glsl/shared/brick-codes.glsl`).
+#[derive(Clone, Debug)]
+pub(crate) struct Codes {
+    pub(crate) telling: Telling,
+    counts: [u32; 3],
+    pub(crate) words: Vec<u32>,
+}
+
+impl Codes {
+    /// Makes the codes of a grid of which nothing is known.
+    pub(crate) fn new(grid: &Grid, telling: Telling) -> Self {
+        let counts = bricks_of(grid.dims());
+        let [across, rows, planes] = counts.map(num::index);
+        let bits = num::index(telling.bits());
+        let unknown = telling.code(UNKNOWN);
+        let unknown = if bits == 1 { 0_u32.wrapping_sub(unknown) } else { unknown << 16 | unknown };
+        let row_words = across.next_multiple_of(num::index(BRICK_ROW)) * bits / 32;
+        let mut words = vec![unknown; row_words * rows * planes];
+        // Nothing is visible beyond the last brick of a row.
+        let (full, rest) = (across * bits / 32, across * bits % 32);
+        for row in words.chunks_exact_mut(row_words) {
+            let mut mask = (1 << rest) - 1;
+            for word in &mut row[full..] {
+                *word &= std::mem::take(&mut mask);
+            }
+        }
+        Self { telling, counts, words }
+    }
+
+    /// Returns the word of a brick, and the lowest bit of its code there.
+    fn place(&self, [x, y, z]: [usize; 3]) -> (usize, usize) {
+        let [across, rows, _] = self.counts.map(num::index);
+        let number = (z * rows + y) * across.next_multiple_of(num::index(BRICK_ROW)) + x;
+        let bit = number * num::index(self.telling.bits());
+        (bit / 32, bit % 32)
+    }
+
+    /// Returns the bricks of a box along an axis, of those that the grid has.
+    fn along(&self, axis: usize, first: u32, count: u32) -> std::ops::Range<usize> {
+        num::index(first)..num::index(self.counts[axis].min(first + count))
+    }
+
+    /// Tells the ranges of the bricks of a box, x fastest, that begins at brick `first`. Bricks that the grid does not have are left out.
+    pub(crate) fn tell(&mut self, first: [u32; 3], counts: [u32; 3], range: impl Fn(usize) -> [f32; 2]) {
+        let [across, rows, _] = counts.map(num::index);
+        let [x0, y0, z0] = first.map(num::index);
+        let bits = self.telling.bits();
+        for z in self.along(2, first[2], counts[2]) {
+            for y in self.along(1, first[1], counts[1]) {
+                for x in self.along(0, first[0], counts[0]) {
+                    let code = self.telling.code(range(((z - z0) * rows + y - y0) * across + x - x0));
+                    let (word, at) = self.place([x, y, z]);
+                    self.words[word] = self.words[word] & !(((1 << bits) - 1) << at) | code << at;
+                }
+            }
+        }
+    }
+
+    /// Returns the words from those of the first to those of the last brick of a page.
+    pub(crate) fn words_of_page(&self, page: [u32; 3]) -> std::ops::Range<usize> {
+        let first = page.map(|place| num::index(place * PAGE_BRICKS));
+        let last = [0, 1, 2].map(|axis| self.along(axis, page[axis] * PAGE_BRICKS, PAGE_BRICKS).end - 1);
+        self.place(first).0..self.place(last).0 + 1
+    }
+}
+
+/// The bricks of a grid on the device.
+#[derive(Clone, Debug)]
+pub(crate) struct Bricks {
+    /// A code for each brick.
+    pub(crate) codes: Arc<Buffer>,
+    /// A bit for each brick: 0 where nothing is visible in it and the 26 around it. `None` where codes tell the greatest scalars.
+    pub(crate) around: Option<Arc<Buffer>>,
+}
+
+/// The passes that find the bricks in which anything is visible.
+#[derive(Debug)]
+pub(crate) struct FindAround {
+    pub(crate) bits: Arc<Buffer>,
+    look: Dispatch,
+    push: BricksPush,
+}
+
+impl FindAround {
+    /// Makes the pass for the codes of a grid with so many bricks along each axis.
+    pub(crate) fn new(gpu: &Gpu, codes: &Arc<Buffer>, counts: [u32; 3]) -> Result<Self> {
+        let bits = buffer(gpu, "bricks.around", codes.size() / 4)?;
+        let inputs = shader::BricksAround { bricks: codes.read(), around: bits.write() };
+        let look = pass(gpu, "bricks.around", &BRICKS_AROUND.with(&inputs))?;
+        let [across, rows, planes] = counts;
+        Ok(Self { bits, look, push: BricksPush { across, rows, planes, ..Default::default() } })
+    }
+
+    /// Records the pass.
+    pub(crate) fn record(&self, recorder: &mut Recorder<'_>) {
+        let BricksPush { across, rows, planes, .. } = self.push;
+        let words = across.div_ceil(BRICK_ROW) * rows * planes;
+        self.look.record(recorder, &self.push, groups_of(words, 64));
+        recorder.release_buffer(&self.bits);
+    }
+}
+
+/// Uploads a float not below the greatest scalar of each brick of a grid.
+pub(crate) fn greatest_scalars(gpu: &Gpu, grid: &Grid) -> Result<Bricks> {
+    let ranges = brick_ranges(grid);
+    let mut codes = Codes::new(grid, Telling::Greatest);
+    codes.tell([0; 3], bricks_of(grid.dims()), |brick| ranges[brick]);
+    let codes = Buffer::with_data(gpu, "bricks.greatest", bytemuck::cast_slice(&codes.words))?;
+    Ok(Bricks { codes, around: None })
 }
 
 /// The smallest and largest scalar of each brick on the device, and the number of bricks.
@@ -213,14 +365,6 @@ pub(crate) fn greatest_scalars(gpu: &Gpu, grid: &Grid) -> Result<Arc<Buffer>> {
 pub(crate) struct BrickRanges {
     buffer: Arc<Buffer>,
     counts: [u32; 3],
-}
-
-/// One word for each brick of a grid: 0 where nothing is visible.
-#[derive(Clone, Debug)]
-pub(crate) struct VisibleBricks {
-    pub(crate) alone: Arc<Buffer>,
-    /// 0 where nothing is visible in the brick and the 26 around it.
-    pub(crate) around: Arc<Buffer>,
 }
 
 impl BrickRanges {
@@ -238,38 +382,35 @@ impl BrickRanges {
         clock: &Clock,
         transfer: &TransferFunction,
         margin: f32,
-    ) -> Result<VisibleBricks> {
+    ) -> Result<Bricks> {
         let mut scalars = nonzero_ranges(transfer);
-        let [across, rows, _] = self.counts;
-        let count = self.counts.iter().product();
-        let push = BricksPush { bricks: count, ranges: num::count(scalars.len()), margin, across, rows };
+        let [across, rows, planes] = self.counts;
+        let push = BricksPush { across, rows, planes, ranges: num::count(scalars.len()), margin };
         if scalars.is_empty() {
             scalars.push([0.0; 2]);
         }
         let scalars = Buffer::with_data(gpu, "transfer.visible", bytemuck::cast_slice(&scalars))?;
-        let [alone, around] = ["bricks", "bricks.around"].map(|name| buffer(gpu, name, count.into()));
-        let (alone, around) = (alone?, around?);
+        let count = across.next_multiple_of(BRICK_ROW) * rows * planes;
+        let codes = buffer(gpu, "bricks", u64::from(count / 32))?;
         let bound = BRICKS_COMPUTE.with(&shader::BricksCompute {
             ranges: self.buffer.read(),
             visible: scalars.read(),
-            bricks: alone.write(),
+            bricks: codes.write(),
         });
-        let look = BRICKS_AROUND.with(&shader::BricksAround { bricks: alone.read(), around: around.write() });
-        let (mark, look) = (pass(gpu, "bricks.mark", &bound)?, pass(gpu, "bricks.around", &look)?);
+        let mark = pass(gpu, "bricks.mark", &bound)?;
+        let around = FindAround::new(gpu, &codes, self.counts)?;
         // Their time is not that of a table.
-        gpu.build([&mark.pipeline, &look.pipeline].into_iter())?;
+        gpu.build([&mark.pipeline, &around.look.pipeline].into_iter())?;
         clock.tables(|| {
             let mut commands = Commands::new(gpu)?;
             let mut recorder = Recorder::new(gpu, commands.begin()?, None);
-            for dispatch in [&mark, &look] {
-                dispatch.record(&mut recorder, &push, groups_of(count, 64));
-            }
-            recorder.release_buffer(&alone);
-            recorder.release_buffer(&around);
+            mark.record(&mut recorder, &push, groups_of(count, 64));
+            around.record(&mut recorder);
+            recorder.release_buffer(&codes);
             let (_, keep) = recorder.finish()?;
             commands.submit(keep, "bricks.mark")
         })?;
-        Ok(VisibleBricks { alone, around })
+        Ok(Bricks { codes, around: Some(around.bits) })
     }
 }
 

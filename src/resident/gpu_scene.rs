@@ -8,13 +8,13 @@ use crate::error::{Error, Result};
 use crate::gpu::shader::{self, Segments};
 use crate::gpu::{Buffer, Gpu, Image, Sampled};
 use crate::num::f32_of;
-use crate::resident::bricks::{BrickRanges, VisibleBricks, greatest_scalars};
+use crate::resident::bricks::{BrickRanges, Bricks, Telling, greatest_scalars};
 use crate::resident::cache::Cache;
 use crate::resident::clock::{Clock, UploadTimes};
 use crate::resident::light;
 use crate::resident::mesh::{DrawnPrimitives, MeshData, Primitives, drawn_cells};
 use crate::resident::mesh_parts::MeshParts;
-use crate::resident::pages::{BrickWords, PagePool, PageTable, is_one_page};
+use crate::resident::pages::{PagePool, PageTable, is_one_page};
 use crate::resident::splats::trained::TrainedSet;
 use crate::resident::splats::{Place, SplatNeeds, SplatSet};
 use crate::resident::surfaces::SurfaceData;
@@ -54,7 +54,7 @@ struct GridData {
     pools: Cache<Form, Arc<PagePool>>,
     ranges: Cache<(), BrickRanges>,
     /// The greatest scalar of each brick.
-    greatest: Cache<(), Arc<Buffer>>,
+    greatest: Cache<(), Bricks>,
 }
 
 /// Data that depends on the transfer function and the longest segment.
@@ -70,7 +70,7 @@ struct Tables {
 #[derive(Clone, Debug, Default)]
 struct VisibleData {
     /// Visible bricks, by margin.
-    bricks: Cache<u32, VisibleBricks>,
+    bricks: Cache<u32, Bricks>,
     /// Page tables, by form and margin; without a margin they tell the greatest scalars.
     pages: Cache<(Form, Option<u32>), Arc<PageTable>>,
     /// Faces or cells that are drawn; with a margin only those of visible cells.
@@ -387,8 +387,8 @@ impl GpuScene {
         let pool = self.page_pool(form)?;
         self.visible.pages.get((form, margin.map(f32::to_bits)), || {
             pool.table(match margin {
-                Some(margin) => BrickWords::Visible { scalars: nonzero_ranges(&self.scene.transfer), margin },
-                None => BrickWords::Greatest,
+                Some(margin) => Telling::Visible { scalars: nonzero_ranges(&self.scene.transfer), margin },
+                None => Telling::Greatest,
             })
         })
     }
@@ -442,7 +442,7 @@ impl GpuScene {
     }
 
     /// Returns the visible bricks, with extinction smeared by `margin` scalars.
-    pub(crate) fn bricks(&self, margin: f32) -> Result<VisibleBricks> {
+    pub(crate) fn bricks(&self, margin: f32) -> Result<Bricks> {
         let grid = self.grid()?;
         self.visible.bricks.get(margin.to_bits(), || {
             let ranges =
@@ -451,8 +451,8 @@ impl GpuScene {
         })
     }
 
-    /// Returns one word for each brick: the bits of its greatest scalar.
-    pub(crate) fn greatest_scalars(&self) -> Result<Arc<Buffer>> {
+    /// Returns the greatest scalar of each brick.
+    pub(crate) fn greatest_scalars(&self) -> Result<Bricks> {
         let grid = self.grid()?;
         self.grid.greatest.get((), || self.clock.upload(|| greatest_scalars(&self.gpu, grid)))
     }

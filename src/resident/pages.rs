@@ -6,16 +6,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::gpu::shader::{PAGE, PAGE_BRICKS, PAGE_HELD, PAGE_HIDDEN, PAGE_TEXELS, PAGES_FIRST};
+use crate::gpu::shader::{PAGE, PAGE_BRICKS, PAGE_HELD, PAGE_HIDDEN, PAGE_TEXELS};
 use crate::gpu::sync::Use;
 use crate::gpu::{Buffer, BufferUse, Commands, Gpu, Recorder};
 use crate::num;
-use crate::resident::bricks::page_ranges;
+use crate::resident::bricks::{Bricks, Codes, FindAround, Telling, bricks_of, page_ranges};
 use crate::resident::volume::{Form, Volume};
 use crate::scene::{Grid, View};
-
-/// Bricks of a page.
-const BRICKS: u32 = PAGE_BRICKS * PAGE_BRICKS * PAGE_BRICKS;
 
 /// Slots along an axis that a page's word can name.
 const MOST_SLOTS: u32 = 256;
@@ -40,42 +37,22 @@ fn place_of(number: u32, [across, rows, _]: [u32; 3]) -> [u32; 3] {
     [number % across, number / across % rows, number / across / rows]
 }
 
-/// The numbers that the words of bricks hold.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum BrickWords {
-    /// 1 where one of these ranges of scalars, widened by a margin, occurs; else 0.
-    Visible { scalars: Vec<[f32; 2]>, margin: f32 },
-    /// The bits of the greatest scalar.
-    Greatest,
-}
-
-impl BrickWords {
-    /// Returns the word of a brick, or of a page, with a range of scalars.
-    fn of(&self, range: [f32; 2]) -> u32 {
-        match self {
-            Self::Greatest => range[1].to_bits(),
-            Self::Visible { scalars, margin } => {
-                let meets =
-                    |scalars: &[f32; 2]| scalars[1] + margin >= range[0] && scalars[0] - margin <= range[1];
-                u32::from(range[0] <= range[1] && scalars.iter().any(meets))
-            }
-        }
-    }
-
-    /// Returns whether nothing is visible in a page with a range of scalars.
-    fn hides(&self, range: Option<[f32; 2]>) -> bool {
-        *self != Self::Greatest && range.is_some_and(|range| self.of(range) == 0)
-    }
-}
-
 /// The page table of a transfer function on the device.
 #[derive(Debug)]
 pub(crate) struct PageTable {
-    says: BrickWords,
-    /// Words of the pool and of each page.
+    telling: Telling,
+    /// The word of each page.
     pub(crate) words: Arc<Buffer>,
-    /// Words of the bricks in each slot.
-    pub(crate) bricks: Arc<Buffer>,
+    /// The bricks of the whole grid. One shows something until its page has been read.
+    pub(crate) bricks: Bricks,
+    around: Option<FindAround>,
+    codes: Mutex<Codes>,
+}
+
+impl PageTable {
+    fn codes(&self) -> MutexGuard<'_, Codes> {
+        self.codes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// The pages of a grid that the device holds.
@@ -234,27 +211,51 @@ impl PagePool {
     }
 
     /// Makes the page table of a transfer function.
-    pub(crate) fn table(&self, says: BrickWords) -> Result<Arc<PageTable>> {
+    pub(crate) fn table(&self, telling: Telling) -> Result<Arc<PageTable>> {
         let mut state = self.state();
-        let header = [self.slots[0], self.slots[1]];
-        let pages = (0..self.pages()).map(|page| self.word(&state, &says, page));
-        let words: Vec<u32> = header.into_iter().chain(pages).collect();
+        let mut codes = Codes::new(&self.grid, telling.clone());
+        for page in 0..self.pages() {
+            self.tell(&state, &mut codes, page);
+        }
+        let words: Vec<u32> = (0..self.pages()).map(|page| self.word(&state, &telling, page)).collect();
         let words = Buffer::with_data(&self.gpu, "pages", bytemuck::cast_slice(&words))?;
-        let slot = |ranges: &Vec<[f32; 2]>| match ranges.as_slice() {
-            [] => vec![0; num::index(BRICKS)],
-            ranges => ranges.iter().map(|&range| says.of(range)).collect(),
+        let bricks = Buffer::with_data(&self.gpu, "bricks", bytemuck::cast_slice(&codes.words))?;
+        let around = match telling {
+            Telling::Visible { .. } => {
+                Some(FindAround::new(&self.gpu, &bricks, bricks_of(self.grid.dims()))?)
+            }
+            Telling::Greatest => None,
         };
-        let bricks: Vec<u32> = state.bricks_in.iter().flat_map(slot).collect();
-        let bricks = Buffer::with_data(&self.gpu, "pages.bricks", bytemuck::cast_slice(&bricks))?;
-        let table = Arc::new(PageTable { says, words, bricks });
+        if let Some(around) = &around {
+            state.commands.run("bricks.around", |recorder| around.record(recorder))?;
+        }
+        let bricks = Bricks { codes: bricks, around: around.as_ref().map(|around| Arc::clone(&around.bits)) };
+        let table = Arc::new(PageTable { telling, words, bricks, around, codes: Mutex::new(codes) });
         state.tables.retain(|table| table.strong_count() > 0);
         state.tables.push(Arc::downgrade(&table));
         Ok(table)
     }
 
+    /// Tells the bricks of a page that is held, or in which nothing is visible.
+    fn tell(&self, state: &State, codes: &mut Codes, page: u32) {
+        let first = place_of(page, self.pages).map(|place| place * PAGE_BRICKS);
+        let at = num::index(page);
+        if let Some(slot) = state.slot_of[at].checked_sub(1) {
+            let ranges = &state.bricks_in[num::index(slot)];
+            codes.tell(first, [PAGE_BRICKS; 3], |brick| ranges[brick]);
+        } else if let Some(range) = state.ranges[at].filter(|&range| codes.telling.hides(range)) {
+            codes.tell(first, [PAGE_BRICKS; 3], |_| range);
+        }
+    }
+
+    /// Returns whether it is known that nothing is visible in a page.
+    fn hides(state: &State, telling: &Telling, page: u32) -> bool {
+        state.ranges[num::index(page)].is_some_and(|range| telling.hides(range))
+    }
+
     /// Returns the word of a page.
-    fn word(&self, state: &State, says: &BrickWords, page: u32) -> u32 {
-        let hidden = if says.hides(state.ranges[num::index(page)]) { PAGE_HIDDEN } else { 0 };
+    fn word(&self, state: &State, telling: &Telling, page: u32) -> u32 {
+        let hidden = if Self::hides(state, telling, page) { PAGE_HIDDEN } else { 0 };
         let held = state.slot_of[num::index(page)].checked_sub(1).map_or(0, |slot| {
             let [x, y, z] = place_of(slot, self.slots);
             PAGE_HELD | x | y << 8 | z << 16
@@ -292,8 +293,8 @@ impl PagePool {
             at if at > last => Some((3, -at)),
             at if at > first => None,
             at => {
-                let range = state.ranges[num::index(page)];
-                Some((if tables.iter().all(|table| table.says.hides(range)) { 1 } else { 2 }, at))
+                let hides = |table: &Arc<PageTable>| Self::hides(state, &table.telling, page);
+                Some((if tables.iter().all(hides) { 1 } else { 2 }, at))
             }
         };
         let mut slots: Vec<(u32, (u32, i64))> = (0..product(self.slots))
@@ -355,7 +356,7 @@ impl PagePool {
             state.bricks_in[num::index(slot)] = page.bricks;
             filled.push(slot);
         }
-        let sent = self.send(state, cubes, &filled);
+        let sent = self.send(state, cubes);
         if sent.is_err() {
             // The contents of the slots are unknown then, and the tables of the device are as they were: `changed` stays.
             for slot in filled {
@@ -369,21 +370,24 @@ impl PagePool {
     }
 
     /// Copies cubes of the staging buffer into the pool, and the words that changed into the tables.
-    fn send(&self, state: &mut State, cubes: Vec<(u64, [u32; 3])>, filled: &[u32]) -> Result<()> {
-        let size = 4 * u64::from(BRICKS);
-        let bricks_at = 4 * num::wide(state.changed.len());
-        let part_of_page =
-            |(i, &page): (usize, &u32)| [4 * num::wide(i), 4 * u64::from(PAGES_FIRST + page), 4];
-        let part_of_slot =
-            |(i, &slot): (usize, &u32)| [bricks_at + size * num::wide(i), size * u64::from(slot), size];
+    fn send(&self, state: &mut State, cubes: Vec<(u64, [u32; 3])>) -> Result<()> {
+        let part_of_page = |(i, &page): (usize, &u32)| [4 * num::wide(i), 4 * u64::from(page), 4];
         let pages: Vec<_> = state.changed.iter().enumerate().map(part_of_page).collect();
-        let slots: Vec<_> = filled.iter().enumerate().map(part_of_slot).collect();
         let mut changes = Vec::new();
         for table in state.tables.iter().filter_map(Weak::upgrade) {
-            let pages = state.changed.iter().map(|&page| self.word(state, &table.says, page));
-            let ranges = filled.iter().flat_map(|&slot| &state.bricks_in[num::index(slot)]);
-            let words: Vec<u32> = pages.chain(ranges.map(|&range| table.says.of(range))).collect();
-            changes.push((Buffer::staging(&self.gpu, "pages", bytemuck::cast_slice(&words))?, table));
+            let mut codes = table.codes();
+            let mut changed = usize::MAX..0;
+            for &page in &state.changed {
+                self.tell(state, &mut codes, page);
+                let words = codes.words_of_page(place_of(page, self.pages));
+                changed = changed.start.min(words.start)..changed.end.max(words.end);
+            }
+            let words = state.changed.iter().map(|&page| self.word(state, &table.telling, page));
+            let words: Vec<u32> = words.chain(codes.words[changed.clone()].iter().copied()).collect();
+            let staging = Buffer::staging(&self.gpu, "pages", bytemuck::cast_slice(&words))?;
+            let [at, to, count] = [pages.len(), changed.start, changed.len()].map(|n| 4 * num::wide(n));
+            drop(codes);
+            changes.push((staging, [at, to, count], table));
         }
         let (staging, image) = (&state.staging, &self.volume.image);
         state.commands.run("pages", |recorder: &mut Recorder<'_>| {
@@ -392,13 +396,15 @@ impl PagePool {
                 recorder.copy_buffer_to_cubes("pages", staging, image, PAGE_TEXELS, cubes);
                 recorder.release_image(image);
             }
-            for (words, table) in &changes {
-                for (to, parts) in [(&table.words, &pages), (&table.bricks, &slots)] {
-                    if !parts.is_empty() {
-                        recorder.assume_buffer_after(to, Use::ComputeRead);
-                        recorder.copy_parts("pages.words", words, to, parts.clone());
-                        recorder.release_buffer(to);
-                    }
+            for (words, bricks, table) in &changes {
+                for (to, parts) in [(&table.words, pages.clone()), (&table.bricks.codes, vec![*bricks])] {
+                    recorder.assume_buffer_after(to, Use::ComputeRead);
+                    recorder.copy_parts("pages.words", words, to, parts);
+                    recorder.release_buffer(to);
+                }
+                if let Some(around) = &table.around {
+                    recorder.assume_buffer_after(&around.bits, Use::ComputeRead);
+                    around.record(recorder);
                 }
             }
         })

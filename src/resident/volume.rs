@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::gpu::shader::PAGE_TEXELS;
 use crate::gpu::{Commands, Gpu, Image, ImageDesc};
 use crate::num::{self, f32_of};
-use crate::resident::bricks::{BRICK_BYTES, bricks_of, normalised};
+use crate::resident::bricks::{brick_bytes, normalised};
 use crate::resident::mips;
 use crate::scene::grid::turned;
 use crate::scene::{Grid, Rescale, SampleKind, Samples};
@@ -34,12 +34,7 @@ impl GridBytes {
     pub fn of(grid: &Grid) -> Self {
         let product = |extents: [u32; 3]| extents.iter().fold(1_u64, |n, &e| n.saturating_mul(u64::from(e)));
         let volume = product(grid.dims()).saturating_mul(num::wide(grid.samples().sample_bytes()));
-        Self {
-            volume,
-            stack: volume,
-            stacks: volume.saturating_mul(3),
-            bricks: product(bricks_of(grid.dims())).saturating_mul(BRICK_BYTES),
-        }
+        Self { volume, stack: volume, stacks: volume.saturating_mul(3), bricks: brick_bytes(grid.dims()) }
     }
 }
 

@@ -235,7 +235,9 @@ impl GridFrame {
                 recorder.copy_buffer_to_image(&format!("{name}.resolve"), texels, image, 0, [0, 1]);
             }
             Path::Compute { tiles, steps, first, resume, slabs_per_dispatch, groups, redraws } => {
-                if let Some(tiles) = tiles {
+                let mut resumes =
+                    self.paging.as_ref().is_some_and(|paging| paging.record_begin(recorder, name));
+                if let Some(tiles) = tiles.as_ref().filter(|_| !resumes) {
                     push.order = march_order(samples.axis, false) | if cut.wide { MARCH_WIDE } else { 0 };
                     tiles.record(recorder, name, &push);
                 }
@@ -245,7 +247,6 @@ impl GridFrame {
                 }
                 if let Some(paging) = &self.paging {
                     push.seed = *slabs_per_dispatch;
-                    let mut resumes = paging.record_begin(recorder, name);
                     for _ in 0..count.div_ceil(*slabs_per_dispatch).max(1) {
                         push.order =
                             march_order(samples.axis, false) | if resumes { MARCH_RESUMES } else { 0 };

@@ -14,6 +14,7 @@ use crate::interface::RayState;
 use crate::num;
 use crate::primitives::dispatch::{buffer, download, words};
 use crate::resident::GpuScene;
+use crate::resident::bricks::Bricks;
 use crate::resident::pages::{PageOrder, PagePool, PageTable};
 use crate::resident::volume::Form;
 use crate::scene::View;
@@ -84,8 +85,8 @@ impl Paging {
         })
     }
 
-    /// The words of the bricks in the pool's slots.
-    pub(crate) fn bricks(&self) -> &Arc<Buffer> {
+    /// The bricks of the grid.
+    pub(crate) fn bricks(&self) -> &Bricks {
         &self.table.bricks
     }
 

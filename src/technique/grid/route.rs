@@ -19,7 +19,7 @@ use crate::gpu::{
 use crate::interface::GridPush;
 use crate::primitives::dispatch::{Dispatch, buffer, pass, tiles_of};
 use crate::resident::GpuScene;
-use crate::resident::bricks::VisibleBricks;
+use crate::resident::bricks::Bricks;
 use crate::resident::tables::Knots;
 use crate::resident::volume::Volume;
 use crate::scene::{Mode, View};
@@ -70,7 +70,7 @@ impl TileIntervals {
     fn new(
         gpu: &Gpu,
         name: &str,
-        visible: &VisibleBricks,
+        around: &Arc<Buffer>,
         view: &View,
         image: &Arc<Image>,
         lists: bool,
@@ -81,12 +81,11 @@ impl TileIntervals {
         let list = || buffer(gpu, &format!("{name}.tiles.list"), u64::from(PIXELS_FIRST) + tiles);
         let list = lists.then(list).transpose()?;
         let inputs = shader::TileIntervals {
-            around: visible.around.read(),
+            around: around.read(),
             tile_intervals: intervals.write(),
             // A binding must hold something.
             pixels: list.as_ref().unwrap_or(&intervals).write(),
             accumulation: image.stored(),
-            pages: Paging::pages(None, &visible.around),
             by_tile_list: lists,
         };
         let find = pass(gpu, &format!("{name}.tiles"), &TILE_INTERVALS_COMPUTE.with(&inputs))?;
@@ -210,16 +209,16 @@ impl RouteDesc<'_> {
         let greatest = scene.scene().mode == Mode::Maximum;
         // A variant that reads no bricks binds the knots in their place.
         let (mut bricks, mut tiles) = (Arc::clone(&knots.buffer), None);
-        if let Some(paging) = self.paging.filter(|_| skips) {
-            bricks = Arc::clone(paging.bricks());
-        } else if skips && greatest {
-            bricks = scene.greatest_scalars()?;
-        } else if skips {
-            let visible = scene.bricks(scene.margin(segments.as_ref()))?;
+        if skips {
+            let Bricks { codes, around } = match self.paging {
+                Some(paging) => paging.bricks().clone(),
+                None if greatest => scene.greatest_scalars()?,
+                None => scene.bricks(scene.margin(segments.as_ref()))?,
+            };
             // Surfaces are drawn in all tiles.
             let lists = self.target.layers.is_none() && self.target.redrawn.is_none();
-            tiles = Some(TileIntervals::new(gpu, name, &visible, self.view, &image, lists)?);
-            bricks = visible.alone;
+            let intervals = |around| TileIntervals::new(gpu, name, &around, self.view, &image, lists);
+            (bricks, tiles) = (codes, around.map(intervals).transpose()?);
         }
         let list = tiles.as_ref().and_then(|tiles| tiles.list.as_ref());
         let intervals = tiles.as_ref().map_or(&knots.buffer, |tiles| &tiles.intervals);

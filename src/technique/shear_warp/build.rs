@@ -317,12 +317,10 @@ impl Build<'_> {
         let Sampling { knots, segments, .. } = self.sampling;
         let skips = self.options.grid.empty_space == EmptySpace::Skip;
         // A variant that reads no bricks binds the knots in their place.
-        let bricks = if let Some(paging) = self.paging.filter(|_| skips) {
-            Arc::clone(paging.bricks())
-        } else if skips {
-            self.scene.bricks(self.scene.margin(segments.as_ref()))?.alone
-        } else {
-            Arc::clone(&knots.buffer)
+        let bricks = match self.paging {
+            _ if !skips => Arc::clone(&knots.buffer),
+            Some(paging) => Arc::clone(&paging.bricks().codes),
+            None => self.scene.bricks(self.scene.margin(segments.as_ref()))?.codes,
         };
         let bind = |volume: &Volume, resume: bool| {
             SHEAR_WARP_COMPUTE.with(&ShearWarpCompute {
