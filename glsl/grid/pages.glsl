@@ -118,24 +118,32 @@ float run_until = -3e38; // depth up to which they lie on the first page, or in 
 vec3 run_first;          // a texel of the pool is so far beyond the index of the first page
 float page_until;        // depth up to which they lie on the last page that was found
 
-// Finds the page at depth z of a ray. Where it is missed, or not held and shows nothing, `page_until` is z.
-void enter_page(Ray ray, float z, Lattice lattice) {
-    const float IN_APRON = 0.9; // cells, less than 1 against rounding
-    vec3 last = 2.0 * lattice.half_size, cell = clamp(floor(fma(vec3(z), ray.d, ray.q) + lattice.half_size), vec3(0.0), last - 1.0);
-    page_until = z;
-    if (!find_page(cell, false, lattice.pages, last) || last_page.x < 0.0) return;
-    vec3 face = mix(last_page * float(PAGE) - IN_APRON, (last_page + 1.0) * float(PAGE) + IN_APRON, greaterThan(ray.inverse, vec3(0.0)));
-    vec3 leave = (face - lattice.half_size - ray.q) * ray.inverse;
-    page_until = max(min(min(leave.x, leave.y), leave.z), z);
+// Returns the cell at depth z of a ray.
+vec3 cell_at(Ray ray, float z, Lattice lattice) {
+    return clamp(floor(fma(vec3(z), ray.d, ray.q) + lattice.half_size), vec3(0.0), 2.0 * lattice.half_size - 1.0);
 }
 
-// Finds the pages of a run of samples between two depths: that of the first, and the next one, unless it is missed. The run ends at `page_until`.
+// Returns the depth at which a ray leaves a page; its apron, but for what rounding may take.
+float leaves(Ray ray, vec3 page, Lattice lattice) {
+    const float IN_APRON = 0.9; // cells
+    vec3 face = mix(page * float(PAGE) - IN_APRON, (page + 1.0) * float(PAGE) + IN_APRON, greaterThan(ray.inverse, vec3(0.0)));
+    vec3 leave = (face - lattice.half_size - ray.q) * ray.inverse;
+    return min(min(leave.x, leave.y), leave.z);
+}
+
+// Finds the pages of a run of samples between two depths: that of the first, and the next one, if that is held. The run ends at `page_until`;
+// at z where the first is missed, or not held and shows nothing.
 void enter_pages(Ray ray, float z, float last, Lattice lattice) {
-    enter_page(ray, z, lattice);
+    bool held = find_page(cell_at(ray, z, lattice), false, lattice.pages, 2.0 * lattice.half_size) && last_page.x >= 0.0;
+    run_until = page_until = held ? max(leaves(ray, last_page, lattice), z) : z;
     run_first = pool_first;
-    run_until = page_until;
-    for (uint once = 0u; once < uint(!has_missed() && run_until > z && run_until < last); ++once) {
-        enter_page(ray, run_until, lattice);
+    for (uint once = 0u; once < uint(run_until > z && run_until < last); ++once) {
+        vec3 page = floor(cell_at(ray, run_until, lattice) / float(PAGE));
+        bool hidden;
+        if (look_up(whole_of(page), lattice.pages, hidden)) {
+            last_page = page;
+            page_until = max(leaves(ray, page, lattice), run_until);
+        }
         // It is missed only once the ray is there.
         missed_page = 0u;
     }

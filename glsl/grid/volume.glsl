@@ -63,9 +63,15 @@ float stored_at(Ray ray, float z, Lattice lattice) {
 float stored_in_run(Ray ray, float z, Lattice lattice) {
     if (!PAGED) return stored_at(ray, z, lattice);
     ++taken_samples;
-    vec3 last = 2.0 * lattice.half_size;
+    vec3 last = 2.0 * lattice.half_size, first = z <= run_until ? run_first : pool_first;
+    if (!FILTER_EXACT) {
+        // Beyond the run any texel will do.
+        ++taken_fetches;
+        vec3 coordinate = (fma(vec3(z), ray.d, ray.q) + (lattice.half_size + 0.5 + first)) * lattice.texel;
+        return textureLod(volume, sampled_at(coordinate, vec3(textureSize(volume, 0))), 0.0).r;
+    }
     vec3 index = clamp(fma(vec3(min(z, page_until)), ray.d, ray.q) + lattice.half_size, vec3(0.0), last);
-    return on_page(volume, index, z <= run_until ? run_first : pool_first, vec3(1.0), last, lattice);
+    return on_page(volume, index, first, vec3(1.0), last, lattice);
 }
 
 #endif
