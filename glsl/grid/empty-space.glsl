@@ -41,10 +41,10 @@ bool may_show(int brick, BrickGrid grid) {
     return GREATEST ? greatest_of(bricks.codes[brick / 2], brick) > grid.reached : bit_of(bricks.codes[brick / 32], brick);
 }
 
-// Returns the number of slabs, h cells thick, to march before the next look at the bricks: about two bricks. It is the same for all
-// invocations of a tile, so that those which run in lockstep do not wait for each other.
+// Returns the number of slabs, h cells thick, to march before the next look at the bricks: about four bricks, which takes some 4 % more samples
+// than two, and half the looks. It is the same for all invocations of a tile, so that those which run in lockstep do not wait for each other.
 uint slabs_between_looks(float h) {
-    return uint(clamp(2.0 * float(BRICK) / h, 4.0, 64.0));
+    return uint(clamp(4.0 * float(BRICK) / h, 4.0, 128.0));
 }
 
 // Returns the depth up to which nothing is visible on the ray from depth z on; z where something is visible in the brick there.

@@ -286,7 +286,7 @@ impl Codes {
         (bit / 32, bit % 32)
     }
 
-    /// Returns the bricks of a box along an axis, of those that the grid has.
+    /// Returns the places along an axis of the bricks of a box, of those that the grid has.
     fn along(&self, axis: usize, first: u32, count: u32) -> std::ops::Range<usize> {
         num::index(first)..num::index(self.counts[axis].min(first + count))
     }
@@ -324,7 +324,7 @@ pub(crate) struct Bricks {
     pub(crate) around: Option<Arc<Buffer>>,
 }
 
-/// The passes that find the bricks in which anything is visible.
+/// The pass that finds the bricks that show anything or have such a brick beside them (AROUND of `bricks.glsl`).
 #[derive(Debug)]
 pub(crate) struct FindAround {
     pub(crate) bits: Arc<Buffer>,
@@ -486,6 +486,66 @@ mod tests {
                     assert!(ranges.next().is_none());
                 }
             }
+        }
+    }
+
+    /// Returns the code of a brick as shaders read it.
+    fn code_of(codes: &Codes, brick: [usize; 3]) -> u32 {
+        let (word, at) = codes.place(brick);
+        codes.words[word] >> at & ((1 << codes.telling.bits()) - 1)
+    }
+
+    #[test]
+    fn codes_are_told_brick_by_brick() {
+        let telling = || Telling::Visible { scalars: vec![[10.0, 20.0]], margin: 0.5 };
+        for dims in [[2, 2, 2], [65, 70, 129], [257, 65, 65], [521, 17, 9]] {
+            let number = dims.iter().map(|&n| num::index(n)).product::<usize>();
+            let grid = Grid::new(dims, Samples::U8(vec![0; number])).unwrap();
+            let counts = bricks_of(dims);
+            let all = || {
+                let [xs, ys, zs] = counts.map(num::index);
+                (0..xs * ys * zs).map(move |i| [i % xs, i / xs % ys, i / xs / ys])
+            };
+            let mut codes = Codes::new(&grid, telling());
+            assert_eq!(codes.words.len() % num::index(counts[0].div_ceil(32)), 0);
+            assert!(all().all(|brick| code_of(&codes, brick) == 1));
+            let ones: u32 = codes.words.iter().map(|word| word.count_ones()).sum();
+            assert_eq!(ones, counts.iter().product::<u32>(), "no bits beyond the bricks of {dims:?}");
+
+            // Each second brick of the last page of each row of pages hides.
+            let pages = counts.map(|n| n.div_ceil(PAGE_BRICKS));
+            let first = [(pages[0] - 1) * PAGE_BRICKS, 0, 0];
+            let hidden = |brick: usize| if brick % 2 == 1 { [20.6, 30.0] } else { [20.5, 30.0] };
+            codes.tell(first, [PAGE_BRICKS; 3], hidden);
+            for [x, y, z] in all() {
+                let inside = x >= num::index(first[0]) && y < 8 && z < 8;
+                let want = u32::from(!(inside && (x - num::index(first[0])) % 2 == 1));
+                assert_eq!(code_of(&codes, [x, y, z]), want, "{dims:?} [{x}, {y}, {z}]");
+                let page = [x, y, z].map(|place| num::count(place) / PAGE_BRICKS);
+                assert!(codes.words_of_page(page).contains(&codes.place([x, y, z]).0));
+            }
+        }
+    }
+
+    #[test]
+    fn greatest_scalars_are_rounded_upwards() {
+        for greatest in [0.0, 1.0, 255.0, 1.000_001, 0.1, -0.1, -3.7e9, 1e-40, -1e-40, f32::MAX, f32::MIN] {
+            let code = Telling::Greatest.code([-f32::MAX, greatest]);
+            let read = f32::from_bits(code << 16);
+            assert!(code < 1 << 16 && read >= greatest, "{greatest}: {read}");
+            assert!(
+                read <= greatest + greatest.abs() / 127.0 + 1e-38 || greatest == f32::MAX,
+                "{greatest}: {read}"
+            );
+        }
+        let values = Samples::F32((0..34 * 4).map(|i| f32_of(f64::from(i))).collect());
+        let grid = Grid::new([34, 2, 2], values).unwrap();
+        let mut codes = Codes::new(&grid, Telling::Greatest);
+        let ranges = brick_ranges(&grid);
+        codes.tell([0; 3], bricks_of(grid.dims()), |brick| ranges[brick]);
+        assert_eq!(codes.words.len(), 16);
+        for (brick, [_, greatest]) in ranges.iter().enumerate() {
+            assert!(f32::from_bits(code_of(&codes, [brick, 0, 0]) << 16) >= *greatest);
         }
     }
 
