@@ -1,5 +1,6 @@
 //! The smallest and largest scalar of each brick of a grid, and which bricks are visible, on the device (`bricks.glsl`).
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::error::Result;
@@ -59,7 +60,7 @@ struct Windows {
 
 impl Windows {
     /// Returns the samples that a brick covers along an axis.
-    fn of(&self, brick: usize, axis: usize) -> std::ops::Range<usize> {
+    fn of(&self, brick: usize, axis: usize) -> Range<usize> {
         let side = num::index(BRICK);
         let begin = self.first + brick * side;
         begin.saturating_sub(APRON)..(begin + side + 1 + APRON).min(num::index(self.dims[axis]))
@@ -287,7 +288,7 @@ impl Codes {
     }
 
     /// Returns the places along an axis of the bricks of a box, of those that the grid has.
-    fn along(&self, axis: usize, first: u32, count: u32) -> std::ops::Range<usize> {
+    fn along(&self, axis: usize, first: u32, count: u32) -> Range<usize> {
         num::index(first)..num::index(self.counts[axis].min(first + count))
     }
 
@@ -308,7 +309,7 @@ impl Codes {
     }
 
     /// Returns the words from those of the first to those of the last brick of a page.
-    pub(crate) fn words_of_page(&self, page: [u32; 3]) -> std::ops::Range<usize> {
+    pub(crate) fn words_of_page(&self, page: [u32; 3]) -> Range<usize> {
         let first = page.map(|place| num::index(place * PAGE_BRICKS));
         let last = [0, 1, 2].map(|axis| self.along(axis, page[axis] * PAGE_BRICKS, PAGE_BRICKS).end - 1);
         self.place(first).0..self.place(last).0 + 1

@@ -1,6 +1,7 @@
 //! A grid in pages (`glsl/grid/pages.glsl`): the pool on the device that holds the pages which rays need, and the page tables that say
 //! where. Rays name the pages that they miss; the host loads them between frames.
 
+use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use rayon::prelude::*;
@@ -376,12 +377,12 @@ impl PagePool {
         let mut changes = Vec::new();
         for table in state.tables.iter().filter_map(Weak::upgrade) {
             let mut codes = table.codes();
-            let mut changed = usize::MAX..0;
             for &page in &state.changed {
                 self.tell(state, &mut codes, page);
-                let words = codes.words_of_page(place_of(page, self.pages));
-                changed = changed.start.min(words.start)..changed.end.max(words.end);
             }
+            let changed = state.changed.iter().map(|&page| codes.words_of_page(place_of(page, self.pages)));
+            let join = |a: Range<usize>, b: Range<usize>| a.start.min(b.start)..a.end.max(b.end);
+            let changed = changed.reduce(join).unwrap_or(0..0);
             let words = state.changed.iter().map(|&page| self.word(state, &table.telling, page));
             let words: Vec<u32> = words.chain(codes.words[changed.clone()].iter().copied()).collect();
             let staging = Buffer::staging(&self.gpu, "pages", bytemuck::cast_slice(&words))?;

@@ -142,6 +142,39 @@ fn counts_are_those_of_all_sweeps() {
     );
 }
 
+/// Once all visible pages are there, empty space is skipped as in the whole grid: with as few samples, but for those that end runs.
+#[test]
+fn empty_space_is_skipped_as_in_the_whole_grid() {
+    let whole = gpu();
+    let paged = gpu_with(pool(PAGES, 4));
+    let mode = |name: &str| if name == "maximum" { Mode::Maximum } else { Mode::Emission };
+    for (name, spec) in [
+        ("slices-3d", "slices-3d:step=0.5"),
+        ("slabs", "slabs"),
+        ("raycast", "raycast"),
+        ("slices-2d", "slices-2d"),
+        ("shear-warp", "shear-warp"),
+        ("maximum", "raycast"),
+    ] {
+        let scene = Scene::new(Field::Blobs.sample(DIMS, "f32").unwrap(), parts());
+        let scene = scene.with_mode(mode(name)).unwrap();
+        let view = &views()[usize::from(name == "shear-warp")];
+        let samples = |scene: &Arc<GpuScene>, spec: &str| {
+            let counts = Renderer::new(scene, technique(spec)).count(view).unwrap();
+            counts.iter().find(|(key, _)| *key == "samples").map_or(0, |(_, n)| *n)
+        };
+        let all = GpuScene::new(&whole, scene.clone());
+        let some = GpuScene::new(&paged, scene);
+        let first = samples(&some, spec);
+        let [want, got] = [&all, &some].map(|scene| samples(scene, spec));
+        let march =
+            samples(&all, &format!("{spec}{}empty-space=march", if spec.contains(':') { "," } else { ":" }));
+        println!("{name}: {first}, then {got} samples, of the whole grid {want}; without skipping {march}");
+        assert!((want..=want + want / 100).contains(&got), "{name}: {got} samples, of the whole grid {want}");
+        assert!(march > want + want / 10 && first > want + want / 100, "{name}: {march}, {first}, {want}");
+    }
+}
+
 /// Each part of a frame is no farther from the complete one than it says, and comes nearer.
 #[test]
 fn frames_that_end_early_keep_their_bound() {

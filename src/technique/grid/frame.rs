@@ -237,9 +237,14 @@ impl GridFrame {
             Path::Compute { tiles, steps, first, resume, slabs_per_dispatch, groups, redraws } => {
                 let mut resumes =
                     self.paging.as_ref().is_some_and(|paging| paging.record_begin(recorder, name));
-                if let Some(tiles) = tiles.as_ref().filter(|_| !resumes) {
-                    push.order = march_order(samples.axis, false) | if cut.wide { MARCH_WIDE } else { 0 };
-                    tiles.record(recorder, name, &push);
+                match tiles {
+                    // Pixels go on within the tiles that the image began with.
+                    Some(tiles) if resumes => tiles.keep(recorder),
+                    Some(tiles) => {
+                        push.order = march_order(samples.axis, false) | if cut.wide { MARCH_WIDE } else { 0 };
+                        tiles.record(recorder, name, &push);
+                    }
+                    None => {}
                 }
                 if let Some(steps) = steps {
                     push.order = march_order(samples.axis, false);

@@ -13,6 +13,7 @@ use crate::frame::target::{Canvas, draws_directly, own_image};
 use crate::gpu::shader::{
     self, EmptySpace as Skipping, PIXELS_FIRST, Shown, TILE_INTERVALS_COMPUTE, TileStep,
 };
+use crate::gpu::sync::Use;
 use crate::gpu::{
     Blend, Bound, Buffer, BufferUse, Descriptors, Gpu, GraphicsState, Groups, Image, Pipeline, Recorder,
 };
@@ -98,6 +99,13 @@ impl TileIntervals {
             recorder.clear_start(&format!("{name}.tiles.clear"), list, 4 * u64::from(PIXELS_FIRST));
         }
         self.find.record(recorder, push, self.groups);
+    }
+
+    /// Keeps what an earlier recording has found.
+    pub(super) fn keep(&self, recorder: &mut Recorder<'_>) {
+        for buffer in self.list.iter().chain([&self.intervals]) {
+            recorder.assume_buffer_after(buffer, Use::ComputeReadWrite);
+        }
     }
 }
 
