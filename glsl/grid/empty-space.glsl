@@ -53,10 +53,11 @@ uint slabs_between_looks(float h) {
 // both are harmless, because the range of a brick includes the samples one cell around it.
 float empty_until(Ray ray, float z, float far, BrickGrid grid) {
     const float NUDGE = 0.01; // cells
+    const int MOST_TURNS = 4096; // bricks: beyond, slabs are sampled in vain
     float speed = max(max(abs(ray.d.x), abs(ray.d.y)), abs(ray.d.z));
     float nudge = NUDGE / max(speed, 1e-30);
     float at = z;
-    for (int turn = 0; turn < 64; ++turn) {
+    for (int turn = 0; turn < MOST_TURNS; ++turn) {
         vec3 place = (fma(vec3(at + nudge), ray.d, ray.q) + grid.half_size) / float(BRICK);
         ivec3 brick = min(whole_of(max(place, vec3(0.0))), grid.count - 1);
         ivec3 code = brick * grid.stride;
@@ -75,7 +76,7 @@ uint skip_empty(inout uint slab, uint end, float z, float z0, float h, uint walk
     if (!EMPTY_SPACE) return end;
     // Skip whole slabs only.
     float until = empty_until(ray, z, far, grid);
-    slab = clamp(uint(max(floor((until - z0) / h), 0.0)), slab, end);
+    slab = until < far ? clamp(uint(max(floor((until - z0) / h), 0.0)), slab, end) : end;
     return min(slab + walk, end);
 }
 

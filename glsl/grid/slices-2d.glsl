@@ -160,7 +160,7 @@ void main() {
             // Skip whole slabs only.
             float at = (fma(until, ray.d.z, ray.q.z) - z0) / h;
             float passed = down ? float(first_slab) - ceil(at) + 1.0 : floor(at) - float(first_slab);
-            turn = clamp(uint(max(passed, 0.0)), turn, last);
+            turn = until < interval.y ? clamp(uint(max(passed, 0.0)), turn, last) : last;
             stop = min(turn + walk, last);
         }
         for (; turn < stop && transmittance > opaque; ++turn) {

@@ -38,6 +38,7 @@ layout(set = 0, binding = BINDING_BRICKS, std430) buffer Bricks {
     uint codes[];
 } bricks;
 
+// Returns whether a brick shows anything; `Telling::code` says the same of those of a page.
 bool is_visible(vec2 range) {
     // The first visible range that ends at or above the brick's least scalar.
     uint low = 0, high = push.ranges;

@@ -254,7 +254,7 @@ void main() {
         if (EMPTY_SPACE) {
             float until = empty_until(ray, slab_piece(slab, z0, h, interval).x, interval.y, brick_grid);
             // Skip whole slabs only.
-            slab = clamp(floor((until - z0) / h), slab, last);
+            slab = until < interval.y ? clamp(floor((until - z0) / h), slab, last) : last;
             stop = min(slab + walk, last);
         }
         if (INTEGRATOR == INTEGRATOR_MIDPOINT) {

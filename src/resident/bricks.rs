@@ -229,8 +229,8 @@ impl Telling {
         }
     }
 
-    /// Returns the code of bricks with a range of scalars.
-    fn code(&self, range: [f32; 2]) -> u32 {
+    /// Returns the code of bricks with a range of scalars; of visible ones as `is_visible` of `bricks.glsl` does.
+    pub(crate) fn code(&self, range: [f32; 2]) -> u32 {
         match self {
             Self::Greatest => {
                 let up = if range[1].is_sign_negative() { 0 } else { 0xFFFF };
@@ -253,14 +253,15 @@ impl Telling {
 /// A code for each brick of a grid (`glsl/shared/brick-codes.glsl`).
 #[derive(Clone, Debug)]
 pub(crate) struct Codes {
-    pub(crate) telling: Telling,
+    /// Bits of a code.
+    bits: u32,
     counts: [u32; 3],
     pub(crate) words: Vec<u32>,
 }
 
 impl Codes {
     /// Makes the codes of a grid of which nothing is known.
-    pub(crate) fn new(grid: &Grid, telling: Telling) -> Self {
+    pub(crate) fn new(grid: &Grid, telling: &Telling) -> Self {
         let counts = bricks_of(grid.dims());
         let [across, rows, planes] = counts.map(num::index);
         let bits = num::index(telling.bits());
@@ -276,14 +277,14 @@ impl Codes {
                 *word &= std::mem::take(&mut mask);
             }
         }
-        Self { telling, counts, words }
+        Self { bits: telling.bits(), counts, words }
     }
 
     /// Returns the word of a brick, and the lowest bit of its code there.
     fn place(&self, [x, y, z]: [usize; 3]) -> (usize, usize) {
         let [across, rows, _] = self.counts.map(num::index);
         let number = (z * rows + y) * across.next_multiple_of(num::index(BRICK_ROW)) + x;
-        let bit = number * num::index(self.telling.bits());
+        let bit = number * num::index(self.bits);
         (bit / 32, bit % 32)
     }
 
@@ -292,27 +293,26 @@ impl Codes {
         num::index(first)..num::index(self.counts[axis].min(first + count))
     }
 
-    /// Tells the ranges of the bricks of a box, x fastest, that begins at brick `first`. Bricks that the grid does not have are left out.
-    pub(crate) fn tell(&mut self, first: [u32; 3], counts: [u32; 3], range: impl Fn(usize) -> [f32; 2]) {
+    /// Sets the codes of the bricks of a box, x fastest, that begins at brick `first`. Bricks that the grid does not have are left out.
+    pub(crate) fn set(&mut self, first: [u32; 3], counts: [u32; 3], code: impl Fn(usize) -> u32) {
         let [across, rows, _] = counts.map(num::index);
         let [x0, y0, z0] = first.map(num::index);
-        let bits = self.telling.bits();
+        let mask = (1 << self.bits) - 1;
         for z in self.along(2, first[2], counts[2]) {
             for y in self.along(1, first[1], counts[1]) {
                 for x in self.along(0, first[0], counts[0]) {
-                    let code = self.telling.code(range(((z - z0) * rows + y - y0) * across + x - x0));
+                    let code = code(((z - z0) * rows + y - y0) * across + x - x0);
                     let (word, at) = self.place([x, y, z]);
-                    self.words[word] = self.words[word] & !(((1 << bits) - 1) << at) | code << at;
+                    self.words[word] = self.words[word] & !(mask << at) | code << at;
                 }
             }
         }
     }
 
-    /// Returns the words from those of the first to those of the last brick of a page.
-    pub(crate) fn words_of_page(&self, page: [u32; 3]) -> Range<usize> {
-        let first = page.map(|place| num::index(place * PAGE_BRICKS));
-        let last = [0, 1, 2].map(|axis| self.along(axis, page[axis] * PAGE_BRICKS, PAGE_BRICKS).end - 1);
-        self.place(first).0..self.place(last).0 + 1
+    /// Returns the words of a page, those from its first to its last row in each plane of bricks.
+    pub(crate) fn words_of_page(&self, page: [u32; 3]) -> impl Iterator<Item = Range<usize>> {
+        let [xs, ys, zs] = [0, 1, 2].map(|axis| self.along(axis, page[axis] * PAGE_BRICKS, PAGE_BRICKS));
+        zs.map(move |z| self.place([xs.start, ys.start, z]).0..self.place([xs.end - 1, ys.end - 1, z]).0 + 1)
     }
 }
 
@@ -355,8 +355,8 @@ impl FindAround {
 /// Uploads a float not below the greatest scalar of each brick of a grid.
 pub(crate) fn greatest_scalars(gpu: &Gpu, grid: &Grid) -> Result<Bricks> {
     let ranges = brick_ranges(grid);
-    let mut codes = Codes::new(grid, Telling::Greatest);
-    codes.tell([0; 3], bricks_of(grid.dims()), |brick| ranges[brick]);
+    let mut codes = Codes::new(grid, &Telling::Greatest);
+    codes.set([0; 3], bricks_of(grid.dims()), |brick| Telling::Greatest.code(ranges[brick]));
     let codes = Buffer::with_data(gpu, "bricks.greatest", bytemuck::cast_slice(&codes.words))?;
     Ok(Bricks { codes, around: None })
 }
@@ -493,12 +493,12 @@ mod tests {
     /// Returns the code of a brick as shaders read it.
     fn code_of(codes: &Codes, brick: [usize; 3]) -> u32 {
         let (word, at) = codes.place(brick);
-        codes.words[word] >> at & ((1 << codes.telling.bits()) - 1)
+        codes.words[word] >> at & ((1 << codes.bits) - 1)
     }
 
     #[test]
     fn codes_are_told_brick_by_brick() {
-        let telling = || Telling::Visible { scalars: vec![[10.0, 20.0]], margin: 0.5 };
+        let telling = Telling::Visible { scalars: vec![[10.0, 20.0]], margin: 0.5 };
         for dims in [[2, 2, 2], [65, 70, 129], [257, 65, 65], [521, 17, 9]] {
             let number = dims.iter().map(|&n| num::index(n)).product::<usize>();
             let grid = Grid::new(dims, Samples::U8(vec![0; number])).unwrap();
@@ -507,7 +507,7 @@ mod tests {
                 let [xs, ys, zs] = counts.map(num::index);
                 (0..xs * ys * zs).map(move |i| [i % xs, i / xs % ys, i / xs / ys])
             };
-            let mut codes = Codes::new(&grid, telling());
+            let mut codes = Codes::new(&grid, &telling);
             assert_eq!(codes.words.len() % num::index(counts[0].div_ceil(32)), 0);
             assert!(all().all(|brick| code_of(&codes, brick) == 1));
             let ones: u32 = codes.words.iter().map(|word| word.count_ones()).sum();
@@ -516,14 +516,15 @@ mod tests {
             // Each second brick of the last page of each row of pages hides.
             let pages = counts.map(|n| n.div_ceil(PAGE_BRICKS));
             let first = [(pages[0] - 1) * PAGE_BRICKS, 0, 0];
-            let hidden = |brick: usize| if brick % 2 == 1 { [20.6, 30.0] } else { [20.5, 30.0] };
-            codes.tell(first, [PAGE_BRICKS; 3], hidden);
+            let range = |brick: usize| if brick % 2 == 1 { [20.6, 30.0] } else { [20.5, 30.0] };
+            codes.set(first, [PAGE_BRICKS; 3], |brick| telling.code(range(brick)));
             for [x, y, z] in all() {
                 let inside = x >= num::index(first[0]) && y < 8 && z < 8;
                 let want = u32::from(!(inside && (x - num::index(first[0])) % 2 == 1));
                 assert_eq!(code_of(&codes, [x, y, z]), want, "{dims:?} [{x}, {y}, {z}]");
                 let page = [x, y, z].map(|place| num::count(place) / PAGE_BRICKS);
-                assert!(codes.words_of_page(page).contains(&codes.place([x, y, z]).0));
+                let word = codes.place([x, y, z]).0;
+                assert_eq!(codes.words_of_page(page).filter(|words| words.contains(&word)).count(), 1);
             }
         }
     }
@@ -541,9 +542,9 @@ mod tests {
         }
         let values = Samples::F32((0..34 * 4).map(|i| f32_of(f64::from(i))).collect());
         let grid = Grid::new([34, 2, 2], values).unwrap();
-        let mut codes = Codes::new(&grid, Telling::Greatest);
+        let mut codes = Codes::new(&grid, &Telling::Greatest);
         let ranges = brick_ranges(&grid);
-        codes.tell([0; 3], bricks_of(grid.dims()), |brick| ranges[brick]);
+        codes.set([0; 3], bricks_of(grid.dims()), |brick| Telling::Greatest.code(ranges[brick]));
         assert_eq!(codes.words.len(), 16);
         for (brick, [_, greatest]) in ranges.iter().enumerate() {
             assert!(f32::from_bits(code_of(&codes, [brick, 0, 0]) << 16) >= *greatest);

@@ -1,13 +1,12 @@
 //! A grid in pages (`glsl/grid/pages.glsl`): the pool on the device that holds the pages which rays need, and the page tables that say
 //! where. Rays name the pages that they miss; the host loads them between frames.
 
-use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::gpu::shader::{PAGE, PAGE_BRICKS, PAGE_HELD, PAGE_HIDDEN, PAGE_TEXELS};
+use crate::gpu::shader::{BRICK_ROW, PAGE, PAGE_BRICKS, PAGE_HELD, PAGE_HIDDEN, PAGE_TEXELS};
 use crate::gpu::sync::Use;
 use crate::gpu::{Buffer, BufferUse, Commands, Gpu, Recorder};
 use crate::num;
@@ -44,7 +43,8 @@ pub(crate) struct PageTable {
     telling: Telling,
     /// The word of each page.
     pub(crate) words: Arc<Buffer>,
-    /// The bricks of the whole grid. One shows something until its page has been read.
+    /// The bricks of the whole grid. One shows something until it is known that it does not: its page has been read since the table was made, or
+    /// was held then, or shows nothing at all.
     pub(crate) bricks: Bricks,
     around: Option<FindAround>,
     codes: Mutex<Codes>,
@@ -183,6 +183,11 @@ impl PagePool {
     /// Makes a pool of at most `bytes` for a grid, which holds nothing yet.
     pub(crate) fn new(gpu: &Gpu, grid: &Grid, ends: [f64; 2], form: Form, bytes: u64) -> Result<Arc<Self>> {
         let pages = pages_of(grid.dims());
+        let [across, rows, planes] = bricks_of(grid.dims()).map(u64::from);
+        let row = across.next_multiple_of(u64::from(BRICK_ROW));
+        if row.saturating_mul(rows).saturating_mul(planes) >= 1 << 31 {
+            return Err(Error::unsupported("pages", "grids of less than 2^31 bricks of 8 x 8 x 8 cells"));
+        }
         let page_bytes = num::wide(form.page_bytes().next_multiple_of(4));
         let most = u32::try_from(bytes / page_bytes).unwrap_or(u32::MAX).clamp(1, product(pages));
         let slots = slots_of(most, gpu.limits().max_image_dimension3_d / PAGE_TEXELS)
@@ -214,9 +219,9 @@ impl PagePool {
     /// Makes the page table of a transfer function.
     pub(crate) fn table(&self, telling: Telling) -> Result<Arc<PageTable>> {
         let mut state = self.state();
-        let mut codes = Codes::new(&self.grid, telling.clone());
+        let mut codes = Codes::new(&self.grid, &telling);
         for page in 0..self.pages() {
-            self.tell(&state, &mut codes, page);
+            self.tell(&state, &telling, &mut codes, page);
         }
         let words: Vec<u32> = (0..self.pages()).map(|page| self.word(&state, &telling, page)).collect();
         let words = Buffer::with_data(&self.gpu, "pages", bytemuck::cast_slice(&words))?;
@@ -238,14 +243,14 @@ impl PagePool {
     }
 
     /// Tells the bricks of a page that is held, or in which nothing is visible.
-    fn tell(&self, state: &State, codes: &mut Codes, page: u32) {
+    fn tell(&self, state: &State, telling: &Telling, codes: &mut Codes, page: u32) {
         let first = place_of(page, self.pages).map(|place| place * PAGE_BRICKS);
         let at = num::index(page);
         if let Some(slot) = state.slot_of[at].checked_sub(1) {
             let ranges = &state.bricks_in[num::index(slot)];
-            codes.tell(first, [PAGE_BRICKS; 3], |brick| ranges[brick]);
-        } else if let Some(range) = state.ranges[at].filter(|&range| codes.telling.hides(range)) {
-            codes.tell(first, [PAGE_BRICKS; 3], |_| range);
+            codes.set(first, [PAGE_BRICKS; 3], |brick| telling.code(ranges[brick]));
+        } else if Self::hides(state, telling, page) {
+            codes.set(first, [PAGE_BRICKS; 3], |_| 0);
         }
     }
 
@@ -377,18 +382,20 @@ impl PagePool {
         let mut changes = Vec::new();
         for table in state.tables.iter().filter_map(Weak::upgrade) {
             let mut codes = table.codes();
-            for &page in &state.changed {
-                self.tell(state, &mut codes, page);
+            let mut words: Vec<u32> =
+                state.changed.iter().map(|&page| self.word(state, &table.telling, page)).collect();
+            let mut bricks = Vec::new();
+            // Pages that leave keep the codes of their bricks.
+            for &page in state.changed.iter().filter(|&&page| state.slot_of[num::index(page)] != 0) {
+                self.tell(state, &table.telling, &mut codes, page);
+                for span in codes.words_of_page(place_of(page, self.pages)) {
+                    bricks.push([words.len(), span.start, span.len()].map(|n| 4 * num::wide(n)));
+                    words.extend(&codes.words[span]);
+                }
             }
-            let changed = state.changed.iter().map(|&page| codes.words_of_page(place_of(page, self.pages)));
-            let join = |a: Range<usize>, b: Range<usize>| a.start.min(b.start)..a.end.max(b.end);
-            let changed = changed.reduce(join).unwrap_or(0..0);
-            let words = state.changed.iter().map(|&page| self.word(state, &table.telling, page));
-            let words: Vec<u32> = words.chain(codes.words[changed.clone()].iter().copied()).collect();
             let staging = Buffer::staging(&self.gpu, "pages", bytemuck::cast_slice(&words))?;
-            let [at, to, count] = [pages.len(), changed.start, changed.len()].map(|n| 4 * num::wide(n));
             drop(codes);
-            changes.push((staging, [at, to, count], table));
+            changes.push((staging, bricks, table));
         }
         let (staging, image) = (&state.staging, &self.volume.image);
         state.commands.run("pages", |recorder: &mut Recorder<'_>| {
@@ -397,10 +404,10 @@ impl PagePool {
                 recorder.copy_buffer_to_cubes("pages", staging, image, PAGE_TEXELS, cubes);
                 recorder.release_image(image);
             }
-            for (words, bricks, table) in &changes {
-                for (to, parts) in [(&table.words, pages.clone()), (&table.bricks.codes, vec![*bricks])] {
+            for (words, bricks, table) in changes {
+                for (to, parts) in [(&table.words, pages.clone()), (&table.bricks.codes, bricks)] {
                     recorder.assume_buffer_after(to, Use::ComputeRead);
-                    recorder.copy_parts("pages.words", words, to, parts);
+                    recorder.copy_parts("pages.words", &words, to, parts);
                     recorder.release_buffer(to);
                 }
                 if let Some(around) = &table.around {
