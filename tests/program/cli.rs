@@ -809,8 +809,8 @@ fn devices_techniques_and_info_say_the_same_as_json() {
 
     assert_eq!((&scene["kind"], &scene["format"]), (&"grid".into(), &"analytic field".into()));
     assert_eq!((&scene["arrays"], &scene["shown"]), (&serde_json::json!([]), &Value::Null));
-    // 2 x 2 x 2 bricks of 16 bytes.
-    let device = serde_json::json!({"volume": 16384, "stack": 16384, "stacks": 49152, "bricks": 128});
+    // 2 x 2 x 2 bricks of 8 bytes, in 4 rows with two words of marks.
+    let device = serde_json::json!({"volume": 16384, "stack": 16384, "stacks": 49152, "bricks": 96});
     assert_eq!(scene["device_bytes"], device);
 
     let head = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/head.nrrd");
