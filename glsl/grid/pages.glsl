@@ -41,9 +41,14 @@ ivec3 slot_of(uint word) {
 // The page that this invocation has last found; a texel of the pool is `pool_first` beyond its index.
 vec3 last_page = vec3(-1.0), pool_first;
 
+// Returns the number of a page.
+int page_number(ivec3 page, ivec3 strides) {
+    return page.x * strides.x + page.y * strides.y + page.z * strides.z;
+}
+
 // Looks up a page. Returns whether it is held; else notes that it is missed, unless nothing is visible in it.
 bool look_up(ivec3 page, ivec3 strides, out bool hidden) {
-    int number = page.x * strides.x + page.y * strides.y + page.z * strides.z;
+    int number = page_number(page, strides);
     uint word = page_words[number];
     bool held = (word & PAGE_HELD) != 0u;
     hidden = (word & PAGE_HIDDEN) != 0u;
@@ -72,7 +77,7 @@ bool find_page(vec3 cell, bool around, ivec3 strides, vec3 last) {
         }
         if (axes == 0 && (around || !hidden)) break;
     }
-    if (missed_page == 0u) missed_page = uint(page.x * strides.x + page.y * strides.y + page.z * strides.z) + 1u;
+    if (missed_page == 0u) missed_page = uint(page_number(page, strides)) + 1u;
     return false;
 }
 

@@ -211,7 +211,7 @@ fn slack(min: f64, max: f64, terms: f64) -> f64 {
 /// The scalars of a brick of which nothing is known.
 const UNKNOWN: [f32; 2] = [-f32::MAX, f32::MAX];
 
-/// What the codes of bricks tell.
+/// The meaning of the codes of bricks.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Telling {
     /// 1 where one of these ranges of scalars, widened by a margin, occurs; else 0.

@@ -225,17 +225,18 @@ impl PagePool {
         }
         let words: Vec<u32> = (0..self.pages()).map(|page| self.word(&state, &telling, page)).collect();
         let words = Buffer::with_data(&self.gpu, "pages", bytemuck::cast_slice(&words))?;
-        let bricks = Buffer::with_data(&self.gpu, "bricks", bytemuck::cast_slice(&codes.words))?;
+        let on_device = Buffer::with_data(&self.gpu, "bricks", bytemuck::cast_slice(&codes.words))?;
         let around = match telling {
             Telling::Visible { .. } => {
-                Some(FindAround::new(&self.gpu, &bricks, bricks_of(self.grid.dims()))?)
+                Some(FindAround::new(&self.gpu, &on_device, bricks_of(self.grid.dims()))?)
             }
             Telling::Greatest => None,
         };
         if let Some(around) = &around {
             state.commands.run("bricks.around", |recorder| around.record(recorder))?;
         }
-        let bricks = Bricks { codes: bricks, around: around.as_ref().map(|around| Arc::clone(&around.bits)) };
+        let bricks =
+            Bricks { codes: on_device, around: around.as_ref().map(|around| Arc::clone(&around.bits)) };
         let table = Arc::new(PageTable { telling, words, bricks, around, codes: Mutex::new(codes) });
         state.tables.retain(|table| table.strong_count() > 0);
         state.tables.push(Arc::downgrade(&table));
