@@ -64,8 +64,9 @@ float sample_of(vec2 piece) {
 
 // Marches the segments of a ray from `i` to before `last`, and leaves the number of the next in `i`. The last of all ends at depth `far`.
 void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint i, uint last, inout LayersAhead ahead, inout float reached,
-           inout uvec2 known, inout vec4 sum, inout float transmittance) {
+           out uvec2 known, inout vec4 sum, inout float transmittance) {
     float z0 = all.z0, h = all.h;
+    known = uvec2(knows(before.front, i) ? before.front : UNKNOWN, UNKNOWN);
     // Load these before the loop: drivers do not hoist them.
     Lattice lattice = load_lattice();
     BrickGrid brick_grid = load_bricks();
@@ -74,58 +75,56 @@ void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint 
     load_segments(knots);
 
     while (i < last && transmittance > opaque && !has_missed()) {
-        uint stop = skip_empty(i, last, max(fma(float(i), h, z0), all.begin), z0, h, walk, ray, far, brick_grid);
+        uint from = i, stop = skip_empty(i, last, max(fma(float(i), h, z0), all.begin), z0, h, walk, ray, far, brick_grid);
+        if (i != from) known.x = UNKNOWN;
         Face front;
-        known = uvec2(UNKNOWN);
         if (INTEGRATOR != INTEGRATOR_MIDPOINT) {
-            float texel = knows(before.front, i) ? uintBitsToFloat(before.front) : stored_at(ray, fma(float(i), h, z0), lattice);
+            float texel = known.x != UNKNOWN ? uintBitsToFloat(known.x) : stored_at(ray, fma(float(i), h, z0), lattice);
             if (has_missed()) break;
             known.x = floatBitsToUint(texel);
             front = face_of(texel, lattice);
         }
-        while (i < stop && transmittance > opaque && !has_missed()) {
-            uint end = RUNS ? run_on_pages(i, stop, walk, sample_of(segment(all, i, last, far)), h, ray, lattice) : stop;
-            for (; i < end && transmittance > opaque && !has_missed(); i += AT_ONCE) {
-                vec2 pieces[MOST_AT_ONCE];
-                float texels[MOST_AT_ONCE];
-                bool cut = false;
-                float split = reached;
-                for (uint k = 0u; k < AT_ONCE; ++k) {
-                    vec2 piece = segment(all, i + k, last, far);
-                    cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
-                    pieces[k] = piece;
-                    float at = sample_of(piece);
-                    texels[k] = RUNS                        ? stored_in_run(ray, at, lattice)
-                                : knows(before.back, i + k) ? uintBitsToFloat(before.back)
-                                                            : stored_at(ray, at, lattice);
-                }
-                if (has_missed()) break;
-                if (PAGED) before.back = UNKNOWN;
-                for (uint k = 0u; k < AT_ONCE; ++k) {
-                    bool drawn = AT_ONCE == 1u || i + k < end && transmittance > opaque;
-                    vec2 piece = drawn ? pieces[k] : pieces[k].xx;
-                    float len = max(piece.y - piece.x, 0.0) * ray.length_per_depth;
-                    vec4 emission;
-                    if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
-                        vec4 optics = classify(scalar_of(texels[k], lattice), knots);
-                        emission = emission_of(optics.rgb, HAS_NAN && is_nan(texels[k]) ? 0.0 : optics.a * len);
-                    } else {
-                        Face back = face_of(texels[k], lattice);
-                        emission = between_faces(front, back, len, knots);
-                        front = back;
-                    }
-                    if (LIT) emission = lit(emission, ray, fma(emitted_at, piece.y - piece.x, piece.x), lattice);
-                    known.y = floatBitsToUint(texels[k]);
-                    if (has_missed()) break;
-                    add_part(pixel, sum, transmittance, emission, piece);
-                    known = uvec2(floatBitsToUint(texels[k]), UNKNOWN);
-                }
-                if (has_missed()) break;
-                reached = split;
-                if (cut) --i;
+        if (RUNS) stop = run_on_pages(i, stop, walk, sample_of(segment(all, i, last, far)), h, ray, lattice);
+        for (; i < stop && transmittance > opaque && !has_missed(); i += AT_ONCE) {
+            vec2 pieces[MOST_AT_ONCE];
+            float texels[MOST_AT_ONCE];
+            bool cut = false;
+            float split = reached;
+            for (uint k = 0u; k < AT_ONCE; ++k) {
+                vec2 piece = segment(all, i + k, last, far);
+                cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
+                pieces[k] = piece;
+                float at = sample_of(piece);
+                texels[k] = RUNS                        ? stored_in_run(ray, at, lattice)
+                            : knows(before.back, i + k) ? uintBitsToFloat(before.back)
+                                                        : stored_at(ray, at, lattice);
             }
-            if (RUNS) i = min(i, end);
+            if (has_missed()) break;
+            if (PAGED) before.back = UNKNOWN;
+            for (uint k = 0u; k < AT_ONCE; ++k) {
+                bool drawn = AT_ONCE == 1u || i + k < stop && transmittance > opaque;
+                vec2 piece = drawn ? pieces[k] : pieces[k].xx;
+                float len = max(piece.y - piece.x, 0.0) * ray.length_per_depth;
+                vec4 emission;
+                if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
+                    vec4 optics = classify(scalar_of(texels[k], lattice), knots);
+                    emission = emission_of(optics.rgb, HAS_NAN && is_nan(texels[k]) ? 0.0 : optics.a * len);
+                } else {
+                    Face back = face_of(texels[k], lattice);
+                    emission = between_faces(front, back, len, knots);
+                    front = back;
+                }
+                if (LIT) emission = lit(emission, ray, fma(emitted_at, piece.y - piece.x, piece.x), lattice);
+                known.y = floatBitsToUint(texels[k]);
+                if (has_missed()) break;
+                add_part(pixel, sum, transmittance, emission, piece);
+                known = uvec2(floatBitsToUint(texels[k]), UNKNOWN);
+            }
+            if (has_missed()) break;
+            reached = split;
+            if (cut) --i;
         }
+        i = min(i, stop);
     }
 }
 
@@ -147,7 +146,7 @@ void main() {
     LayersAhead ahead = begin_layers(pixel, fma(begin, all.h, all.z0));
     float layers_until = layers_end(fma(end, all.h, all.z0));
     float reached = before.reached;
-    uvec2 known = uvec2(UNKNOWN);
+    uvec2 known;
     uint i = ahead_of.x;
     march(pixel, ray, all, interval.y, slabs_between_looks(spacing), i, ahead_of.y, ahead, reached, known, sum, transmittance);
     bool ends = ends_ray(pixel, i, range.y, transmittance, push.opaque, reached, ahead, known.x, known.y);

@@ -105,42 +105,39 @@ void main() {
     vec4 sum = begin_march(pixel, transmittance);
     LayersAhead ahead = begin_layers(pixel, fma(float(push.first), h, z0));
     float reached = before.reached, layers_until = layers_end(fma(float(push.first + push.count), h, z0));
-    uint known_front = UNKNOWN, known_back = UNKNOWN;
     uint slab = slabs.x;
+    uint known_front = knows(before.front, slab) ? before.front : UNKNOWN, known_back = UNKNOWN;
     while (slab < slabs.y && transmittance > opaque && !has_missed()) {
         float z = max(fma(float(slab), h, z0), shown.x);
-        uint stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
-        known_front = UNKNOWN;
-        float texel = knows(before.front, slab) ? uintBitsToFloat(before.front) : stored_at(ray, max(fma(float(slab), h, z0), interval.x), lattice);
+        uint from = slab, stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
+        if (slab != from) known_front = UNKNOWN;
+        float texel = known_front != UNKNOWN ? uintBitsToFloat(known_front) : stored_at(ray, max(fma(float(slab), h, z0), interval.x), lattice);
         if (has_missed()) break;
         known_front = floatBitsToUint(texel);
         Face front = face_of(texel, lattice);
-        while (slab < stop && transmittance > opaque && !has_missed()) {
-            float first = min(fma(float(slab + 1u), h, z0), interval.y);
-            uint end = RUNS ? run_on_pages(slab, stop, walk, first, h, ray, lattice) : stop;
-            for (; slab < end && transmittance > opaque && !has_missed(); ++slab) {
-                vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
-                float split = reached;
-                bool cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
-                float texel = RUNS                        ? stored_in_run(ray, piece.y, lattice)
-                              : knows(before.back, slab) ? uintBitsToFloat(before.back)
-                                                         : stored_at(ray, piece.y, lattice);
+        if (RUNS) stop = run_on_pages(slab, stop, walk, min(fma(float(slab + 1u), h, z0), interval.y), h, ray, lattice);
+        for (; slab < stop && transmittance > opaque && !has_missed(); ++slab) {
+            vec2 piece = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
+            float split = reached;
+            bool cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
+            float texel = RUNS                        ? stored_in_run(ray, piece.y, lattice)
+                          : knows(before.back, slab) ? uintBitsToFloat(before.back)
+                                                     : stored_at(ray, piece.y, lattice);
+            if (has_missed()) break;
+            before.back = UNKNOWN;
+            Face back = face_of(texel, lattice);
+            if (piece.x < piece.y) {
+                vec4 emission = slab_emission(ray, piece, front, back, lattice, knots);
+                known_back = floatBitsToUint(texel);
                 if (has_missed()) break;
-                before.back = UNKNOWN;
-                Face back = face_of(texel, lattice);
-                if (piece.x < piece.y) {
-                    vec4 emission = slab_emission(ray, piece, front, back, lattice, knots);
-                    known_back = floatBitsToUint(texel);
-                    if (has_missed()) break;
-                    known_back = UNKNOWN;
-                    add_part(pixel, sum, transmittance, emission, piece);
-                    front = back;
-                    known_front = floatBitsToUint(texel);
-                }
-                reached = split;
-                // Where a surface splits a slab, the slab is taken again for the rest.
-                if (cut) --slab;
+                known_back = UNKNOWN;
+                add_part(pixel, sum, transmittance, emission, piece);
+                front = back;
+                known_front = floatBitsToUint(texel);
             }
+            reached = split;
+            // Where a surface splits a slab, the slab is taken again for the rest.
+            if (cut) --slab;
         }
     }
     bool ends = ends_ray(pixel, slab, all.y, transmittance, opaque, reached, ahead, known_front, known_back);

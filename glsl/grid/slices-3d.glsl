@@ -101,33 +101,31 @@ void main() {
     while (slab < slabs.y && transmittance > opaque && !has_missed()) {
         float z = max(fma(float(slab), h, z0), interval.x);
         uint stop = skip_empty(slab, slabs.y, z, z0, h, walk, ray, interval.y, brick_grid);
-        while (slab < stop && transmittance > opaque && !has_missed()) {
-            vec2 first = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
-            uint end = RUNS ? run_on_pages(slab, stop, walk, middle_of(first), h, ray, lattice) : stop;
-            for (; slab < end && transmittance > opaque && !has_missed(); slab += AT_ONCE) {
-                vec2 pieces[MOST_AT_ONCE];
-                float texels[MOST_AT_ONCE];
-                bool cut = false;
-                float split = reached;
-                for (uint k = 0u; k < AT_ONCE; ++k) {
-                    vec2 piece = slab_piece(fma(float(slab + k), h, z0), fma(float(slab + k + 1u), h, z0), interval);
-                    cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
-                    pieces[k] = piece;
-                    texels[k] = RUNS ? stored_in_run(ray, middle_of(piece), lattice) : stored_at(ray, middle_of(piece), lattice);
-                }
-                for (uint k = 0u; k < AT_ONCE; ++k) {
-                    bool drawn = AT_ONCE == 1u || slab + k < end && transmittance > opaque;
-                    vec2 piece = drawn ? pieces[k] : pieces[k].xx;
-                    vec4 emission = slice_emission(texels[k], ray, piece, lattice, knots);
-                    if (has_missed()) break;
-                    add_part(pixel, sum, transmittance, emission, piece);
-                }
-                if (has_missed()) break;
-                reached = split;
-                if (cut) --slab;
+        vec2 first = slab_piece(fma(float(slab), h, z0), fma(float(slab + 1u), h, z0), interval);
+        if (RUNS) stop = run_on_pages(slab, stop, walk, middle_of(first), h, ray, lattice);
+        for (; slab < stop && transmittance > opaque && !has_missed(); slab += AT_ONCE) {
+            vec2 pieces[MOST_AT_ONCE];
+            float texels[MOST_AT_ONCE];
+            bool cut = false;
+            float split = reached;
+            for (uint k = 0u; k < AT_ONCE; ++k) {
+                vec2 piece = slab_piece(fma(float(slab + k), h, z0), fma(float(slab + k + 1u), h, z0), interval);
+                cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
+                pieces[k] = piece;
+                texels[k] = RUNS ? stored_in_run(ray, middle_of(piece), lattice) : stored_at(ray, middle_of(piece), lattice);
             }
-            slab = min(slab, end);
+            for (uint k = 0u; k < AT_ONCE; ++k) {
+                bool drawn = AT_ONCE == 1u || slab + k < stop && transmittance > opaque;
+                vec2 piece = drawn ? pieces[k] : pieces[k].xx;
+                vec4 emission = slice_emission(texels[k], ray, piece, lattice, knots);
+                if (has_missed()) break;
+                add_part(pixel, sum, transmittance, emission, piece);
+            }
+            if (has_missed()) break;
+            reached = split;
+            if (cut) --slab;
         }
+        slab = min(slab, stop);
     }
     bool ends = ends_ray(pixel, slab, all.y, transmittance, opaque, reached, ahead, UNKNOWN, UNKNOWN);
     if (LAYERS && ends) end_layers(ahead, layers_until, opaque, sum, transmittance);

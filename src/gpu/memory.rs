@@ -20,6 +20,11 @@ impl Gpu {
         u64::from(self.limits().max_storage_buffer_range).min(inner.max_allocation).min(inner.max_buffer)
     }
 
+    /// Returns the bytes of one allocation that the driver promises, within the limit of the options.
+    pub(crate) fn promised_bytes(&self) -> u64 {
+        self.inner.max_allocation
+    }
+
     /// Returns how many bytes of a buffer shaders can access, by a descriptor or by an address.
     pub(crate) fn most_buffer_bytes(&self) -> u64 {
         match self.has(OptionalFeature::BufferAddresses) {

@@ -189,10 +189,15 @@ impl PagePool {
             return Err(Error::unsupported("pages", "grids of less than 2^31 bricks of 8 x 8 x 8 cells"));
         }
         let page_bytes = num::wide(form.page_bytes().next_multiple_of(4));
-        let most = u32::try_from(bytes / page_bytes).unwrap_or(u32::MAX).clamp(1, product(pages));
-        let slots = slots_of(most, gpu.limits().max_image_dimension3_d / PAGE_TEXELS)
-            .ok_or_else(|| Error::unsupported("pages", "3D images are too small for one page"))?;
-        let volume = Volume::pool(gpu, grid, form, slots)?;
+        let volume_of = |bytes: u64| {
+            let most = u32::try_from(bytes / page_bytes).unwrap_or(u32::MAX).clamp(1, product(pages));
+            let slots = slots_of(most, gpu.limits().max_image_dimension3_d / PAGE_TEXELS)
+                .ok_or_else(|| Error::unsupported("pages", "3D images are too small for one page"))?;
+            Ok((slots, Volume::pool(gpu, grid, form, slots)?))
+        };
+        // Drivers pad images, and may refuse one allocation of as many bytes as the budget has.
+        let (slots, volume) =
+            volume_of(bytes).or_else(|_| volume_of(bytes.min(gpu.promised_bytes()) / 4 * 3))?;
         let batch = (bytes / 8).min(gpu.staging_bytes()) / page_bytes;
         let staging = Buffer::new(gpu, "pages (staging)", batch.max(1) * page_bytes, BufferUse::Upload)?;
         let count = num::index(product(pages));

@@ -126,6 +126,19 @@ fn images_are_those_of_the_whole_grid() {
     }
 }
 
+/// A pool is as large as one allocation may be, where the budget has more.
+#[test]
+fn a_pool_is_no_larger_than_one_allocation_may_be() {
+    let scene = Scene::new(Field::Blobs.sample(DIMS, "f32").unwrap(), fog());
+    let page = 67_u64.pow(3) * 4 + 4;
+    let limited = GpuOptions { allocation_size: Some(3 * page), ..pool(PAGES, 4) };
+    let few = GpuScene::new(&gpu_with(limited), scene.clone());
+    is_same(&few, &GpuScene::new(&gpu(), scene), &views()[0], "slabs", "limited");
+    let pools: Vec<_> =
+        few.gpu().memory_report().into_iter().filter(|(name, _)| name == "page pool").collect();
+    assert!(pools.len() == 1 && (page..=3 * page).contains(&pools[0].1), "{pools:?}");
+}
+
 /// Counts are those of all sweeps: what is sampled of the whole grid, and once more where a ray has missed a page.
 #[test]
 fn counts_are_those_of_all_sweeps() {
@@ -142,7 +155,7 @@ fn counts_are_those_of_all_sweeps() {
     );
 }
 
-/// Once all visible pages are there, empty space is skipped as in the whole grid: with as few samples, but for those that end runs.
+/// Once all visible pages are there, empty space is skipped as in the whole grid: with as few samples, but for those that end walks and runs.
 #[test]
 fn empty_space_is_skipped_as_in_the_whole_grid() {
     let whole = gpu();
@@ -170,7 +183,10 @@ fn empty_space_is_skipped_as_in_the_whole_grid() {
         let march =
             samples(&all, &format!("{spec}{}empty-space=march", if spec.contains(':') { "," } else { ":" }));
         println!("{name}: {first}, then {got} samples, of the whole grid {want}; without skipping {march}");
-        assert!((want..=want + want / 100).contains(&got), "{name}: {got} samples, of the whole grid {want}");
+        assert!(
+            (want - want / 50..=want + want / 100).contains(&got),
+            "{name}: {got} samples, of the whole grid {want}"
+        );
         assert!(march > want + want / 10 && first > want + want / 100, "{name}: {march}, {first}, {want}");
     }
 }
