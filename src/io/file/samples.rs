@@ -4,7 +4,7 @@ use std::io::{ErrorKind, Read};
 
 use crate::error::{Error, Result};
 use crate::io::file::decode::{Layout, Values, append};
-use crate::io::file::on_demand::InFile;
+use crate::io::file::on_demand::{InFile, PlaneFile, Planes};
 use crate::io::file::sample_type::{Endian, Pick};
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::{Encoding, Source};
@@ -110,7 +110,7 @@ pub(crate) fn read(
     Ok(samples)
 }
 
-/// Returns the samples of a file on demand, where they are as many as the options say, uncompressed and in one file.
+/// Returns samples on demand, where they are as many as the options say, uncompressed, and in one file or in files of whole planes.
 fn on_demand(
     source: &Source,
     place: &str,
@@ -120,17 +120,34 @@ fn on_demand(
     options: &ReadOptions,
 ) -> Result<Option<Values>> {
     let (count, bytes, stays) = stays_in_file(source, place, layout, options)?;
-    if parts != 1 || !stays {
+    let [depth, shares] = [num::index(layout.dims[2]), parts];
+    if !stays || shares == 0 || depth % shares != 0 {
         return Ok(None);
     }
-    let share = Share { part: part(0, bytes)?, layout, count, bytes };
-    let Part { source, offset, encoding, skip, text } = &share.part;
-    if *text || *encoding != Encoding::Raw {
-        return Ok(None);
+    let bytes = bytes / num::wide(shares);
+    let mut files = Vec::new();
+    for i in 0..shares {
+        let share = Share { part: part(i, bytes)?, layout, count: count / shares, bytes };
+        let Part { source, offset, encoding, skip, text } = &share.part;
+        if *text || *encoding != Encoding::Raw || shares > 1 && !source.is_on_disk() {
+            return Ok(None);
+        }
+        share.check()?;
+        let begin = offset + skip;
+        if shares == 1 {
+            return in_files(Planes::Joined(source.clone(), begin), layout).map(Some);
+        }
+        let planes = depth / shares;
+        let plane = bytes / num::wide(planes);
+        files.extend((0..num::wide(planes)).map(|k| PlaneFile::new(source, begin + k * plane)));
     }
-    share.check()?;
-    let samples = InFile { source: source.clone(), offset: offset + skip, layout: *layout };
-    Ok(Some(Samples::OnDemand(OnDemand::new(layout.dims, samples)?).into()))
+    in_files(Planes::Files(files), layout).map(Some)
+}
+
+/// Returns samples that stay in their files, whose overview is read.
+pub(crate) fn in_files(planes: Planes, layout: &Layout) -> Result<Values> {
+    let samples = InFile { planes, layout: *layout };
+    Ok(Samples::OnDemand(OnDemand::new(layout.dims, samples)?).into())
 }
 
 /// The samples in one file, their number and size.

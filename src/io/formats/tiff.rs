@@ -25,12 +25,14 @@ use crate::io::build::data_file::{Array, DataFile, Lattice, Shape, stand_in};
 use crate::io::build::volume::rescale_of;
 use crate::io::file::budget::Budget;
 use crate::io::file::decode::{Layout, Values};
+use crate::io::file::on_demand::{PlaneFile, Planes};
 use crate::io::file::sample_type::Pick;
 use crate::io::file::samples;
 use crate::io::file::source::Source;
 use crate::io::formats::tiff::calibration::{Calibration, Volume};
 use crate::io::formats::tiff::file::is_tiff;
 use crate::io::formats::tiff::look::Look;
+use crate::io::formats::tiff::page::Page;
 use crate::io::formats::tiff::stack::Stack;
 use crate::io::options::{ReadOptions, Request};
 use crate::io::reader::Reader;
@@ -71,20 +73,35 @@ impl Reader for Tiff {
         let looks = Look::choose(source, &shape, &volumes, request)?;
         let most = (source.len().saturating_mul(ratio), format!("{} bytes", source.len()));
         let mut budget = Budget::new(source, request);
+        let image = |index: usize| match pages.get(index) {
+            Some(&(number, offset)) => {
+                let page = file.directory(number, offset)?.page()?;
+                shape.check(source, &page)?;
+                let chunks = page.chunks(&file)?;
+                Ok((page, chunks))
+            }
+            // One directory describes several contiguous images.
+            None => shape.following(&file, index).map(|(image, strip)| (image, vec![strip])),
+        };
         let mut read = |look: &Look| {
             let Volume { first, stride, slices, .. } = volumes[look.volume];
             let layout = shape.layout(look, slices);
-            let mut values = reserve(source, "pages", &layout, &most, scratch, &mut budget, request)?;
-            for index in (0..slices).map(|slice| first + slice * stride) {
-                if let Some(&(number, offset)) = pages.get(index) {
-                    let page = file.directory(number, offset)?.page()?;
-                    shape.check(source, &page)?;
-                    page.append(&file, &page.chunks(&file)?, look, &mut values)?;
-                } else {
-                    // One directory describes several contiguous images.
-                    let (image, strip) = shape.following(&file, index)?;
-                    image.append(&file, &[strip], look, &mut values)?;
+            let images = || (0..slices).map(|slice| image(first + slice * stride));
+            if samples::stays_in_file(source, "pages", &layout, request)?.2 {
+                let begin = |image: Result<(Page, Vec<_>)>| {
+                    image.and_then(|(page, chunks)| page.begin(&file, &chunks, look))
+                };
+                if let Some(begins) = images().map(begin).collect::<Result<Option<Vec<u64>>>>()? {
+                    let layout = Layout { endian: file.endian, ..layout };
+                    let planes = Planes::Apart(source.clone(), begins);
+                    return Ok((layout.dims, samples::in_files(planes, &layout)?));
                 }
+                file.begin_again();
+            }
+            let mut values = reserve(source, "pages", &layout, &most, scratch, &mut budget, request)?;
+            for image in images() {
+                let (page, chunks) = image?;
+                page.append(&file, &chunks, look, &mut values)?;
             }
             Ok((layout.dims, values))
         };
@@ -101,21 +118,41 @@ pub(crate) fn read_series(folder: &Path, files: &[PathBuf], request: &Request) -
     let first = Stack::single(source)?;
     let volumes = [Volume { name: String::new(), first: 0, stride: 1, slices: files.len() }];
     let looks = Look::choose(source, &first.shape, &volumes, request)?;
+    let mut on_demand = true;
     for look in &looks {
-        samples::data_size(source, "slices", &first.shape.layout(look, files.len()), request)?;
+        let layout = first.shape.layout(look, files.len());
+        if !samples::stays_in_file(source, "slices", &layout, request)?.2 {
+            samples::data_size(source, "slices", &layout, request)?;
+            on_demand = false;
+        }
     }
     let (mut most, mut scratch) = (0_u64, 0);
+    // The slices, where they stay in their files.
+    let mut planes = Vec::new();
     for path in files {
         let source = Source::open(path, request)?;
         let stack = Stack::single(&source)?;
         first.shape.check(&source, &stack.shape)?;
         most = most.saturating_add(source.len().saturating_mul(stack.ratio));
         scratch = stack.scratch.max(scratch);
+        if let ([look], true) = (&looks[..], on_demand) {
+            let Stack { file, shape, .. } = &stack;
+            let begin = shape.begin(file, &shape.chunks(file)?, look)?;
+            planes.extend(
+                begin
+                    .filter(|_| file.endian == first.file.endian)
+                    .map(|begin| PlaneFile::new(&source, begin)),
+            );
+        }
     }
     let most = (most, "the files".to_owned());
     let mut budget = Budget::new(source, request);
     let mut read = |look: &Look| {
         let layout = first.shape.layout(look, files.len());
+        if planes.len() == files.len() {
+            let layout = Layout { endian: first.file.endian, ..layout };
+            return Ok((layout.dims, samples::in_files(Planes::Files(planes.clone()), &layout)?));
+        }
         let mut values = reserve(source, "slices", &layout, &most, scratch, &mut budget, request)?;
         for path in files {
             let source = Source::open(path, request)?;

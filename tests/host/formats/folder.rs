@@ -2,7 +2,7 @@
 
 use std::io::Read as _;
 
-use volraster::io::read;
+use volraster::io::{ReadOptions, read};
 use volraster::scene::Samples;
 
 use crate::formats::support::{Folder, OPTIONS, assert_refusal, grid, shared};
@@ -57,6 +57,48 @@ fn scales_of_the_first_slice_count() {
     }
     let image = grid(read(folder.path(""), &OPTIONS).unwrap());
     assert_eq!(image.spacing().to_array(), [0.5, 0.25, 3.0]);
+}
+
+/// Slices and lists of files with whole planes stay in their files, which are opened to read them.
+#[test]
+fn planes_stay_in_their_files() {
+    let on_demand = ReadOptions { on_demand: Some(1), ..OPTIONS };
+    let slices = Folder::new();
+    for number in 0..4 {
+        let values = (0..6).map(|i| 10 * number + i).collect();
+        slices.write(&format!("{number}.tif"), LITTLE.file(&[Page::grey(3, 2, 8, 1, values)]));
+    }
+    let list = Folder::new();
+    for (name, first) in [("a.raw", 0), ("b.raw", 20)] {
+        list.write(name, (0..12).map(|i| first + 10 * (i / 6) + i % 6).collect::<Vec<u8>>());
+    }
+    let header =
+        "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 3 2 4\nencoding: raw\ndata file: LIST 3\na.raw\nb.raw\n";
+    list.write("list.nhdr", header);
+    for (folder, name, last) in [(&slices, "", "3.tif"), (&list, "list.nhdr", "b.raw")] {
+        let [whole, own] =
+            [&OPTIONS, &on_demand].map(|options| grid(read(folder.path(name), options).unwrap()));
+        let Samples::OnDemand(samples) = own.samples() else { panic!("{name}: was read") };
+        for (first, extent) in [([0; 3], [3, 2, 4]), ([1, 1, 1], [2, 1, 2]), ([0, 0, 2], [3, 1, 2])] {
+            let part = samples.read(first, extent).unwrap();
+            for i in 0..part.len() as u32 {
+                let place = [i % extent[0], i / extent[0] % extent[1], i / extent[0] / extent[1]];
+                let [x, y, z] = [0, 1, 2].map(|axis| first[axis] + place[axis]);
+                assert_eq!(part.get(i as usize), whole.value(x, y, z), "{name} {place:?}");
+            }
+        }
+        let bytes = std::fs::read(folder.path(last)).unwrap();
+        folder.write(last, &bytes[..bytes.len() - 1]);
+        let error = samples.read([0; 3], [3, 2, 4]).unwrap_err();
+        let rule = format!("{last}: file: has {} bytes: it had {}", bytes.len() - 1, bytes.len());
+        assert_refusal(&error, &[&rule], name);
+        samples.read([0; 3], [3, 2, 2]).unwrap();
+        std::fs::remove_file(folder.path(last)).unwrap();
+        assert!(samples.read([0; 3], [3, 2, 4]).unwrap_err().to_string().contains(last), "{name}");
+    }
+    slices.write("3.tif", LITTLE.file(&[Page::grey(3, 2, 8, 1, vec![0; 6]).short(259, 5)]));
+    let error = read(slices.path(""), &on_demand).unwrap_err();
+    assert_refusal(&error, &["3.tif: page 1: strip or tile 0", "LZW"], "a packed slice");
 }
 
 #[test]

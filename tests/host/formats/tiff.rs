@@ -4,7 +4,7 @@ use glam::DVec3;
 use volraster::io::ReadOptions;
 use volraster::scene::{Anatomy, Samples};
 
-use crate::formats::support::{OPTIONS, Sample, grid, shared_loaded, stored, zlib};
+use crate::formats::support::{OPTIONS, Sample, assert_refusal, grid, shared_loaded, stored, zlib};
 
 /// A value of a directory.
 #[derive(Clone, Debug)]
@@ -658,6 +658,65 @@ fn refusals_name_the_page_and_the_rule() {
         page.short(259, 8)
     });
     refused("damaged", &damaged, &["page 1: strip or tile 0 at byte 8: Deflate is damaged"]);
+}
+
+/// Pages whose samples lie in the file as they are read stay there, and what is read of them is that of the whole; others are read.
+#[test]
+fn bare_pages_stay_in_their_file() {
+    let on_demand = ReadOptions { on_demand: Some(1), ..OPTIONS };
+    let gaps = each(ramp(), |mut page| {
+        page.chunks = page.chunks[0].chunks(8).map(|chunk| [chunk, &[99]].concat()).collect();
+        page.short(278, 2)
+    });
+    let bare = [
+        "bytes",
+        "orders",
+        "i8",
+        "i16",
+        "i32",
+        "i64",
+        "f32",
+        "f64",
+        "strips",
+        "strips without sizes",
+        "RGB",
+        "ImageJ",
+        "ImageJ behind one page",
+        "channels",
+        "OME",
+        "a thumbnail",
+    ];
+    for sample in samples().into_iter().chain([little("gaps", &gaps)]) {
+        let what = sample.what;
+        let [whole, own] = [&OPTIONS, &on_demand].map(|options| grid(sample.read(options).unwrap()));
+        assert_eq!(
+            (stored(&own), own.spacing(), own.rescale()),
+            (stored(&whole), whole.spacing(), whole.rescale()),
+            "{what}"
+        );
+        let Samples::OnDemand(samples) = own.samples() else {
+            assert!(!bare.contains(&what), "{what}");
+            continue;
+        };
+        assert!(bare.contains(&what), "{what}");
+        let part = samples.read([1, 0, 1], [1, 2, 1]).unwrap();
+        let all = stored(&whole);
+        let [nx, ny, _] = whole.dims().map(|n| n as usize);
+        assert_eq!([part.get(0), part.get(1)], [all[nx * ny + 1], all[nx * ny + nx + 1]], "{what}");
+    }
+    let page = Page::grey(40, 30, 8, 1, vec![7; 1200])
+        .with(273, Value::Long(vec![8]))
+        .with(279, Value::Long(vec![1200]));
+    let again = Page { chunks: Vec::new(), ..page.clone() };
+    let shared = vec![page, again.clone(), again.clone(), again];
+    for (pages, parts) in [
+        (shared, "strips or tiles overlap"),
+        (each(ramp(), |page| page.with(273, Value::Long(vec![9999]))), "12 bytes at byte 9999"),
+        (each(ramp(), |page| page.with(257, Value::Long(vec![1 << 20]))), "strip or tile 0: 12 bytes"),
+    ] {
+        let error = little("refused", &pages).read(&on_demand).unwrap_err();
+        assert_refusal(&error, &["a.tif: page ", parts], parts);
+    }
 }
 
 #[test]

@@ -108,6 +108,11 @@ impl<'a> File<'a> {
         self.take(place, (offset, len), "strips or tiles", &self.data, self.source.len())
     }
 
+    /// Counts the bytes of strips and tiles anew.
+    pub(crate) fn begin_again(&self) {
+        self.data.set(0);
+    }
+
     /// Checks that a range lies in the file, and that all ranges of this kind have at most `most` bytes.
     fn take(
         &self,

@@ -43,20 +43,9 @@ impl Page {
             let layout = Layout { endian, ..self.layout(look, 1) };
             decode::append(reader, count, &layout, values).map_err(|error| source.io_error(error))
         };
-        if self.is_plain() && look.count == self.samples {
-            // Contiguous strips are read in one run.
-            let mut runs: Vec<(u64, u64)> = Vec::new();
-            for (i, &(offset, count)) in (0..).zip(chunks) {
-                let needed = self.needed(source, i, count)?;
-                match runs.last_mut() {
-                    Some((start, len)) if start.checked_add(*len) == Some(offset) => {
-                        *len = len.saturating_add(needed);
-                    }
-                    _ => runs.push((offset, needed)),
-                }
-            }
-            for (offset, len) in runs {
-                file.spend(&format!("page {}: strip at byte {offset}", self.number), offset, len)?;
+        if self.is_bare(look) {
+            for (offset, len) in self.runs(file, chunks)? {
+                self.spend(file, (offset, len))?;
                 let mut bytes = source.reader(offset, Encoding::Raw).take(len);
                 append(&mut bytes, index(len / self.row(1).max(1)), file.endian)?;
             }
@@ -76,6 +65,41 @@ impl Page {
             return Err(source.error(format!("page {}", self.number), rule));
         }
         Ok(())
+    }
+
+    /// Whether the samples lie in strips as they are read.
+    fn is_bare(&self, look: &Look) -> bool {
+        self.is_plain() && look.count == self.samples
+    }
+
+    /// Returns the offsets and sizes of runs of contiguous strips, which are not compressed.
+    fn runs(&self, file: &File, chunks: &[(u64, u64)]) -> Result<Vec<(u64, u64)>> {
+        let mut runs: Vec<(u64, u64)> = Vec::new();
+        for (i, &(offset, count)) in (0..).zip(chunks) {
+            let needed = self.needed(file.source, i, count)?;
+            match runs.last_mut() {
+                Some((start, len)) if start.checked_add(*len) == Some(offset) => {
+                    *len = len.saturating_add(needed);
+                }
+                _ => runs.push((offset, needed)),
+            }
+        }
+        Ok(runs)
+    }
+
+    /// Checks a run of strips.
+    fn spend(&self, file: &File, (offset, len): (u64, u64)) -> Result<()> {
+        file.spend(&format!("page {}: strip at byte {offset}", self.number), offset, len)
+    }
+
+    /// Returns the first byte of the samples, where they lie as they are read and one after another.
+    pub(crate) fn begin(&self, file: &File, chunks: &[(u64, u64)], look: &Look) -> Result<Option<u64>> {
+        if !self.is_bare(look) {
+            return Ok(None);
+        }
+        let [run] = self.runs(file, chunks)?[..] else { return Ok(None) };
+        self.spend(file, run)?;
+        Ok(Some(run.0))
     }
 
     /// Returns the size of an uncompressed strip or tile, which must be at most its `count`.

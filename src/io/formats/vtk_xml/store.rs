@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::io::build::arrays::ArrayInfo;
 use crate::io::file::budget::Budget;
 use crate::io::file::decode::{self, Layout, Values};
-use crate::io::file::on_demand::InFile;
+use crate::io::file::on_demand::{InFile, Planes};
 use crate::io::file::sample_type::{Endian, Pick, SampleType};
 use crate::io::file::samples;
 use crate::io::file::scanner::Scanner;
@@ -164,7 +164,7 @@ impl<'a> Store<'a> {
         let offset = begin + self.storage.word;
         // The end of the document comes after them.
         self.seek(offset + bytes)?;
-        let samples = InFile { source: self.source.clone(), offset, layout };
+        let samples = InFile { planes: Planes::Joined(self.source.clone(), offset), layout };
         Ok(Some(Samples::OnDemand(OnDemand::new(dims, samples)?)))
     }
 
