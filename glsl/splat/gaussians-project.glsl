@@ -30,6 +30,7 @@
 #include "interface.glsl"
 #include "shared/device.glsl"
 #include "shared/keys.glsl"
+#include "shared/sides.glsl"
 #include "splat/boxes.glsl"
 #include "splat/records.glsl"
 
@@ -43,8 +44,10 @@ layout(push_constant) uniform TrainedPush {
     vec4 eye;         // rounded; w: focal length in pixels, for parallel lines pixels in a unit of length
     vec4 middle;      // of all centres: depths are told from there, as splats near each other differ by less than they are far; w: width of a
                       // pixel over its height
-    vec2 half_extent; // of the image, pixels
     vec2 skew;        // to the right and down, of the ray of the image's middle
+    vec2 from_whole;  // pixels from the middle of the image that this is a part of, to the right and down
+    uint sides;
+    uint whole;       // its sides
     float scale_low;  // logarithm to base 2 of the shortest length, and of a step of its code
     float scale_step;
     float reach;      // by which most splats reach before and behind their centres, at most
@@ -183,8 +186,8 @@ Drawn by_image(Trained splat) {
     float focal = push.eye.w, z = splat.centre.z;
     bool perspective = push.perspective != 0u, khr = RULE == RULE_KHR;
     vec2 slopes = perspective ? splat.centre.xy / z : vec2(0.0), place = perspective ? slopes * focal : splat.centre.xy * focal;
-    vec2 limits = MOST_SLOPE * push.half_extent / focal;
-    if (!khr) slopes = clamp(slopes, -limits, limits);
+    vec2 limits = MOST_SLOPE * half_of(push.whole) / focal, aside = push.from_whole / focal;
+    if (!khr) slopes = clamp(slopes + aside, -limits, limits) - aside;
     float scale = perspective ? focal / z : focal;
     mat3 root = mat3(splat.rotation[0] * splat.lengths.x, splat.rotation[1] * splat.lengths.y, splat.rotation[2] * splat.lengths.z);
     vec3 ahead = push.forward.xyz * root;
@@ -216,8 +219,9 @@ Drawn by_image(Trained splat) {
         float middle = 0.5 * (xx + yy), longest = middle + sqrt(max(middle * middle - det, 0.1)), reach = ceil(3.0 * sqrt(longest));
         drawn.end = log2(max(255.0 * drawn.opacity, 1e-20));
         side = sqrt(max(drawn.end, 0.0) / HALF_LOG2E * vec2(xx, yy));
-        vec2 low = trunc((place + push.half_extent - 0.5 - reach) / 16.0), high = trunc((place + push.half_extent + 14.5 + reach) / 16.0);
-        drawn.box = vec4(max(place - side, 16.0 * low - push.half_extent), min(place + side, 16.0 * high - push.half_extent));
+        vec2 corner = half_of(push.whole) + push.from_whole;
+        vec2 low = trunc((place + corner - 0.5 - reach) / 16.0), high = trunc((place + corner + 14.5 + reach) / 16.0);
+        drawn.box = vec4(max(place - side, 16.0 * low - corner), min(place + side, 16.0 * high - corner));
         if (drawn.end < 0.0) drawn.l = vec3(0.0);
     }
     return drawn;
@@ -248,7 +252,7 @@ Drawn by_rays(Trained splat) {
     // At the place r of W lines go along `way`, and turn by ex and ey a pixel; parallel lines move instead.
     Drawn drawn;
     drawn.place = perspective ? c.xy / z * focal : c.xy * focal;
-    vec2 reference = reference_of(drawn.place, push.half_extent);
+    vec2 reference = reference_of(drawn.place, half_of(push.sides));
     bool own_place = reference == drawn.place;
     vec3 way = perspective ? own_place ? c / z : vec3(reference / focal, 1.0) : vec3(0.0, 0.0, 1.0);
     vec3 ex = vec3(1.0, 0.0, 0.0), ey = vec3(0.0, 1.0, 0.0), kw = k * (own * way), kx = k * (own * ex), ky = k * (own * ey);
@@ -259,7 +263,7 @@ Drawn by_rays(Trained splat) {
     drawn.b = vec2(dot(kw, kx), dot(kw, ky)) * unit;
     drawn.c = vec3(dot(kx, kx), dot(kx, ky), dot(ky, ky)) * (unit / focal);
     drawn.e = vec2(dot(kb, kx), dot(kb, ky)) * (perspective ? unit : -unit);
-    drawn.at = splat.depth + (perspective && !own_place ? dot(kb, kw) / along - z : 0.0);
+    drawn.at = splat.depth + (own_place ? 0.0 : perspective ? dot(kb, kw) / along - z : dot(drawn.e, reference - drawn.place));
     drawn.end = 0.0;
     drawn.opacity = splat.opacity;
     drawn.sigma = most * k.x * s.x * inversesqrt(along);
@@ -287,7 +291,7 @@ void main() {
     Drawn drawn;
     if (RAYS) drawn = by_rays(splat); else drawn = by_image(splat);
     bool finite = all(lessThan(abs(drawn.l), vec3(1e18))) && all(lessThan(abs(drawn.place), vec2(1e30)));
-    uvec2 box = finite && drawn.opacity > 0.0 && drawn.l != vec3(0.0) ? packed_box(drawn.box, push.half_extent) : uvec2(0u);
+    uvec2 box = finite && drawn.opacity > 0.0 && drawn.l != vec3(0.0) ? packed_box(drawn.box, half_of(push.sides)) : uvec2(0u);
     bool there = box != uvec2(0u);
     boxes[i] = box;
     order[i] = i;

@@ -1,7 +1,8 @@
 //! Several processes that draw one image: each draws what its box of space owns, and the images are composited in visibility order.
 //!
 //! 1. [`KdTree`] cuts space into a box per rank, of about the same visible work each. Every rank builds the same one from the scene.
-//!    Kernels of points overlap: of them each rank draws a rectangle of the image in place of a box ([`Shares`]).
+//!    Where no boxes own what is drawn (kernels overlap, surfaces, maximum intensity projection) each rank draws a rectangle of the image in
+//!    place of a box ([`Shares`]).
 //! 2. A rank draws the view that [`View::with_owned`] gives its box. Of a mesh it needs the cells there alone ([`Shares::part`]). Of a
 //!    grid whose samples are read on demand it reads the pages that its pieces of rays meet; so a rank may also hold a part of the data
 //!    alone, behind a source of its own ([`SampleSource`](crate::scene::SampleSource)).
@@ -36,7 +37,7 @@ use crate::num;
 use crate::ranks::composite::joined;
 use crate::ranks::tiles::Rectangle;
 use crate::resident::GpuScene;
-use crate::scene::{Data, Scene, View};
+use crate::scene::{Data, Mode, Scene, View};
 use crate::technique::{FrameTime, Renderer, Technique};
 
 /// A rank's part of drawing an image.
@@ -55,7 +56,7 @@ pub struct Rendered {
 pub enum Shares {
     /// Each draws what a box of space owns, of this view and of others.
     Space(KdTree),
-    /// Each draws a rectangle of the image of this view: kernels overlap, so that no boxes own them.
+    /// Each draws a rectangle of the image of this view, where no boxes own what is drawn.
     Image(Tiles),
 }
 
@@ -64,16 +65,13 @@ impl Shares {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] for no ranks, for so many that the image has no rows and columns to share out, and for trained splats, whose rules
-    /// cut them off by the image.
+    /// [`Error::Invalid`] for no ranks, and for so many that the image has no rows and columns to share out.
     pub fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
         match &scene.data {
-            Data::Grid(_) | Data::Mesh(_) if scene.kernels.is_none() => {
+            Data::Grid(_) | Data::Mesh(_)
+                if scene.kernels.is_none() && scene.surfaces.is_empty() && scene.mode != Mode::Maximum =>
+            {
                 KdTree::new(scene, view, ranks).map(Self::Space)
-            }
-            Data::Gaussians(_) => {
-                let why = "trained splats: where their rules cut them off depends on the image, of which ranks draw parts";
-                Err(Error::invalid("data of ranks", why))
             }
             _ => Tiles::new(scene, view, ranks).map(Self::Image),
         }

@@ -1,10 +1,10 @@
-//! The rectangles that the image is cut into where kernels overlap, so that no boxes of space own them.
+//! The rectangles that the image is cut into where no boxes of space own what is drawn: kernels overlap, for one.
 
 use glam::DVec2;
 
 use crate::error::{Error, Result};
 use crate::num;
-use crate::ranks::tree::check_count;
+use crate::ranks::tree::{check_count, work_of};
 use crate::scene::{Data, Points, Scene, View};
 
 /// Pixels beyond a rectangle from which kernels still reach it: of filters for those that are smaller than a pixel.
@@ -16,13 +16,19 @@ const NEAR: f64 = 8.0;
 /// By how much an affine footprint may be wider than a kernel that is farther away: 1 / (1 - 1 / NEAR), and some.
 const WIDER: f64 = 1.25;
 
-/// Rectangles of an image with about the same number of kernels, one per rank.
+/// The sides of the tiles of pixels at whose edges some rules cut trained splats off: rectangles do not cut these.
+const SPLAT_TILE: u32 = 16;
+
+/// Rectangles of an image with about the same number of kernels or the same work, one per rank.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tiles {
     /// The extent of the image.
     pub(super) image: [u32; 2],
     rectangles: Vec<Rectangle>,
 }
+
+/// A place in the image, and the work there.
+type Place = (DVec2, f64);
 
 /// A rectangle of pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,17 +43,32 @@ impl Tiles {
         check_count(ranks)?;
         let extent = view.extent();
         let [width, height] = extent.map(f64::from);
+        let unit = if matches!(scene.data, Data::Gaussians(_)) { SPLAT_TILE } else { 1 };
         let seen = |(at, _): (DVec2, f64)| {
-            ((0.0..=width).contains(&at.x) && (0.0..=height).contains(&at.y)).then_some(at)
+            let within = (0.0..=width).contains(&at.x) && (0.0..=height).contains(&at.y);
+            within.then_some(at / f64::from(unit))
         };
-        let mut places: Vec<DVec2> = match &scene.data {
-            Data::Points(points) => {
-                points.centres().iter().filter_map(|place| view.project(*place).and_then(seen)).collect()
-            }
-            _ => Vec::new(),
+        let mut places: Vec<Place> = match &scene.data {
+            Data::Points(points) => points
+                .centres()
+                .iter()
+                .filter_map(|place| Some((view.project(*place).and_then(seen)?, 1.0)))
+                .collect(),
+            Data::Gaussians(splats) => (0..splats.len())
+                .filter_map(|i| Some((view.project(splats.centre(i)).and_then(seen)?, 1.0)))
+                .collect(),
+            _ => work_of(scene, view)
+                .into_iter()
+                .filter_map(|(place, work)| Some((view.project(place).and_then(seen)?, work?)))
+                .collect(),
         };
         let mut rectangles = Vec::new();
-        cut(&mut places, Rectangle { corner: [0; 2], extent }, ranks, &mut rectangles)?;
+        let all = Rectangle { corner: [0; 2], extent: extent.map(|side| side.div_ceil(unit)) };
+        cut(&mut places, all, ranks, &mut rectangles)?;
+        for Rectangle { corner, extent: sides } in &mut rectangles {
+            *corner = corner.map(|at| unit * at);
+            *sides = [0, 1].map(|axis| (unit * sides[axis]).min(extent[axis] - corner[axis]));
+        }
         Ok(Self { image: extent, rectangles })
     }
 
@@ -87,8 +108,8 @@ impl Tiles {
     }
 }
 
-/// Cuts a rectangle, in which kernels have these places, for so many ranks.
-fn cut(places: &mut [DVec2], all: Rectangle, ranks: u32, rectangles: &mut Vec<Rectangle>) -> Result<()> {
+/// Cuts a rectangle, in which work has these places, for so many ranks.
+fn cut(places: &mut [Place], all: Rectangle, ranks: u32, rectangles: &mut Vec<Rectangle>) -> Result<()> {
     if ranks == 1 {
         rectangles.push(all);
         return Ok(());
@@ -102,15 +123,19 @@ fn cut(places: &mut [DVec2], all: Rectangle, ranks: u32, rectangles: &mut Vec<Re
         let why = format!("{ranks} for {} x {} pixels: too few to share out", all.extent[0], all.extent[1]);
         return Err(Error::invalid("ranks", why));
     }
-    places.sort_unstable_by(|a, b| a[axis].total_cmp(&b[axis]));
+    places.sort_unstable_by(|(a, _), (b, _)| a[axis].total_cmp(&b[axis]));
     let share = f64::from(below) / f64::from(ranks);
-    let middle = num::index(num::u32_of(num::f64_of(places.len()) * share));
+    let mut left = share * places.iter().map(|(_, work)| work).sum::<f64>();
+    let middle = places.iter().find(|(_, work)| {
+        left -= work;
+        left < 0.0
+    });
     let evenly = f64::from(all.corner[axis]) + f64::from(side) * share;
-    let at = places.get(middle).map_or(evenly, |place| place[axis]);
+    let at = middle.map_or(evenly, |(place, _)| place[axis]);
     let width = num::u32_of((at - f64::from(all.corner[axis])).round().max(0.0))
         .clamp(least(below), side - least(ranks - below));
     let at = f64::from(all.corner[axis] + width);
-    let (first, second) = places.split_at_mut(places.partition_point(|place| place[axis] < at));
+    let (first, second) = places.split_at_mut(places.partition_point(|(place, _)| place[axis] < at));
     let [mut near, mut far] = [all; 2];
     near.extent[axis] = width;
     (far.corner[axis], far.extent[axis]) = (all.corner[axis] + width, side - width);
@@ -128,9 +153,9 @@ mod tests {
         for (extent, ranks, places) in
             [([90, 70], 7, 0), ([90, 70], 8, 300), ([5, 1], 5, 20), ([1, 9], 4, 3), ([4, 4], 9, 50)]
         {
-            let mut places: Vec<DVec2> = (0..places)
+            let mut places: Vec<Place> = (0..places)
                 .map(|i| DVec2::new(f64::from(i * i % 97) / 97.0, f64::from(i % 13) / 40.0))
-                .map(|place| place * DVec2::from_array(extent.map(f64::from)))
+                .map(|place| (place * DVec2::from_array(extent.map(f64::from)), 1.0))
                 .collect();
             let mut rectangles = Vec::new();
             cut(&mut places, Rectangle { corner: [0; 2], extent }, ranks, &mut rectangles).unwrap();

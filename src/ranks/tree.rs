@@ -37,35 +37,10 @@ impl KdTree {
     /// [`Error::Invalid`] for no ranks, and for points.
     pub fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
         check_count(ranks)?;
-        let [first, .., last] = scene.data.corners();
-        let nearest = NEAREST * first.distance(last);
-        let work = |place: DVec3, shows: bool| {
-            let [width, height] = view.extent().map(f64::from);
-            let seen = view
-                .project(place)
-                .filter(|(at, _)| shows && (0.0..=width).contains(&at.x) && (0.0..=height).contains(&at.y));
-            let rays = |(_, depth): (_, f64)| {
-                if view.is_perspective() { depth.max(nearest).powi(-2) } else { 1.0 }
-            };
-            (place, seen.map(rays))
-        };
-        let found: Vec<(DVec3, Option<f64>)> = match &scene.data {
-            Data::Grid(grid) => {
-                let coarse = Coarse::of(grid);
-                let shown = Bricks::of(&coarse, &scene.transfer);
-                let item = |index: [u32; 3]| work(coarse.place(index), shown.holds(index));
-                indices(coarse.dims).map(item).collect()
-            }
-            Data::Mesh(mesh) => {
-                let points = mesh.points();
-                let middle = |cell: &[u32; 4]| {
-                    work(cell.map(|i| points[num::index(i)]).into_iter().sum::<DVec3>() / 4.0, true)
-                };
-                let every = mesh.cells().len().div_ceil(MOST_CELLS);
-                mesh.cells().iter().step_by(every).map(middle).collect()
-            }
-            _ => return Err(Error::invalid("ranks", "kernels overlap, so that no boxes own them")),
-        };
+        if scene.grid().is_none() && scene.mesh().is_none() {
+            return Err(Error::invalid("ranks", "kernels overlap, so that no boxes own them"));
+        }
+        let found = work_of(scene, view);
         let most = found.iter().filter_map(|(_, work)| *work).fold(0.0, f64::max);
         let hidden = HIDDEN * if most > 0.0 { most } else { 1.0 };
         let mut items: Vec<Item> =
@@ -83,6 +58,40 @@ impl KdTree {
     #[must_use]
     pub fn order(&self, view: &View) -> Vec<u32> {
         self.0.order(view)
+    }
+}
+
+/// Returns places of a grid or a mesh, and the work of each in a view: by samples of a grid, or of its overview where they are read on demand,
+/// that the transfer function shows, or by cells of a mesh; `None` where nothing is seen.
+pub(super) fn work_of(scene: &Scene, view: &View) -> Vec<(DVec3, Option<f64>)> {
+    let [first, .., last] = scene.data.corners();
+    let nearest = NEAREST * first.distance(last);
+    let work = |place: DVec3, shows: bool| {
+        let [width, height] = view.extent().map(f64::from);
+        let seen = view
+            .project(place)
+            .filter(|(at, _)| shows && (0.0..=width).contains(&at.x) && (0.0..=height).contains(&at.y));
+        let rays = |(_, depth): (_, f64)| {
+            if view.is_perspective() { depth.max(nearest).powi(-2) } else { 1.0 }
+        };
+        (place, seen.map(rays))
+    };
+    match &scene.data {
+        Data::Grid(grid) => {
+            let coarse = Coarse::of(grid);
+            let shown = Bricks::of(&coarse, &scene.transfer);
+            let item = |index: [u32; 3]| work(coarse.place(index), shown.holds(index));
+            indices(coarse.dims).map(item).collect()
+        }
+        Data::Mesh(mesh) => {
+            let points = mesh.points();
+            let middle = |cell: &[u32; 4]| {
+                work(cell.map(|i| points[num::index(i)]).into_iter().sum::<DVec3>() / 4.0, true)
+            };
+            let every = mesh.cells().len().div_ceil(MOST_CELLS);
+            mesh.cells().iter().step_by(every).map(middle).collect()
+        }
+        _ => Vec::new(),
     }
 }
 

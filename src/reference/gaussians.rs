@@ -203,9 +203,11 @@ impl<'a> GaussianRays<'a> {
         let place = if perspective { slopes.map(|slope| slope * focal) } else { [x * focal, y * focal] };
         let place = DVec2::new(place[0] + half[0], place[1] + half[1]);
         let khr = self.rule == SplatRule::Khr;
+        let (sides, from) = view.whole();
         let slope = |axis: usize| {
-            let most = f64::from(SLOPES) * half[axis] / focal;
-            if khr { slopes[axis] } else { slopes[axis].clamp(-most, most) }
+            let (most, aside) =
+                (f64::from(SLOPES) * 0.5 * f64::from(sides[axis]) / focal, from[axis] / focal);
+            if khr { slopes[axis] } else { (slopes[axis] + aside).clamp(-most, most) - aside }
         };
         let (a, b) = (scale * (right - slope(0) * ahead), scale * (down - slope(1) * ahead));
         let lowpass = if khr { 0.0 } else { f64::from(LOWPASS) };
@@ -229,10 +231,11 @@ impl<'a> GaussianRays<'a> {
             let reach = (3.0 * longest.sqrt()).ceil();
             // The program's own places are half a pixel less.
             let tile = |place: f64| (place / TILE).trunc() * TILE;
-            let ends = place - 0.5;
+            let corner = from + 0.5 * DVec2::from_array(sides.map(f64::from)) - DVec2::from_array(half);
+            let ends = place + corner - 0.5;
             (
-                DVec2::new(tile(ends.x - reach), tile(ends.y - reach)),
-                DVec2::new(tile(ends.x + reach + TILE - 1.0), tile(ends.y + reach + TILE - 1.0)),
+                DVec2::new(tile(ends.x - reach), tile(ends.y - reach)) - corner,
+                DVec2::new(tile(ends.x + reach + TILE - 1.0), tile(ends.y + reach + TILE - 1.0)) - corner,
             )
         };
         let direction = if perspective { relative.normalize() } else { view.forward() };

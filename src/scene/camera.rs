@@ -100,6 +100,8 @@ pub struct View {
     skew: DVec2,
     clip: Clip,
     owned: Option<[DVec3; 2]>,
+    /// Of a part of an image the sides of the whole, and where this one's middle lies from that one's, in pixels to the right and down.
+    whole: Option<([u32; 2], DVec2)>,
 }
 
 impl View {
@@ -155,8 +157,8 @@ impl View {
             }
         };
         let (extent, up, clip) = ([width, height], right.cross(forward), Clip::none());
-        let (aspect, skew, owned) = (1.0, DVec2::ZERO, None);
-        Ok(Self { camera, extent, right, up, forward, scale, aspect, skew, clip, owned })
+        let (aspect, skew, owned, whole) = (1.0, DVec2::ZERO, None, None);
+        Ok(Self { camera, extent, right, up, forward, scale, aspect, skew, clip, owned, whole })
     }
 
     /// Makes the view of an engine's matrices: `projection * view` maps a world position to clip coordinates, and `y` says which way
@@ -240,12 +242,13 @@ impl View {
             skew: DVec2::new(if mirrors { -x } else { x }, y),
             clip: Clip::none(),
             owned: None,
+            whole: None,
         })
     }
 
     /// Returns the view of a rectangle of the image, `corner` its left and top pixel: one tile of an image that is drawn in parts, which
-    /// joins its neighbours pixel by pixel. It may reach beyond the image. Of trained splats the rules `inria` and `antialiased` depend on the
-    /// image's edges, and so on those of the part.
+    /// joins its neighbours pixel by pixel. It may reach beyond the image. Where rules of trained splats depend on the image's edges, those of
+    /// the whole count; `inria` and `antialiased` cut splats off at tiles of 16 x 16 pixels, of which parts should have whole ones.
     ///
     /// # Errors
     ///
@@ -255,7 +258,14 @@ impl View {
         let middle = |axis: usize| {
             f64::from(corner[axis]) + 0.5 * (f64::from(extent[axis]) - f64::from(self.extent[axis]))
         };
-        Ok(Self { extent, ..self.moved(DVec2::new(middle(0), middle(1))) })
+        let by = DVec2::new(middle(0), middle(1));
+        let (sides, from) = self.whole();
+        Ok(Self { extent, whole: Some((sides, from + by)), ..self.moved(by) })
+    }
+
+    /// Returns the sides of the image that this is a part of, and where this one's middle lies from that one's, in pixels to the right and down.
+    pub(crate) fn whole(&self) -> ([u32; 2], DVec2) {
+        self.whole.unwrap_or((self.extent, DVec2::ZERO))
     }
 
     /// Returns the view whose image is moved by `pixels`, to the right and down: what was at a place p is at p + `pixels`. Fractions of
@@ -336,6 +346,9 @@ impl View {
     /// Returns the same view with pixels of about `side` x `side` of these: as many as its height needs, and of the same size as many as
     /// its width needs.
     pub(crate) fn reduced(&self, side: u32) -> Result<Self> {
+        if side == 1 {
+            return Ok(*self);
+        }
         let [width, height] = self.extent.map(u64::from);
         let rows = height.div_ceil(u64::from(side.max(1)));
         let columns = (width * rows).div_ceil(height);
@@ -344,6 +357,7 @@ impl View {
         Ok(Self {
             extent: [columns, rows],
             scale: self.scale * f64::from(self.extent[1]) / f64::from(rows),
+            whole: None,
             ..*self
         })
     }
@@ -435,9 +449,14 @@ impl View {
         self.extent.map(|side| crate::num::f32_of(f64::from(side) * 0.5))
     }
 
-    /// Returns the image's sides in one word, as `glsl/shared/sides.glsl` reads them.
+    /// Returns the image's sides in one word.
     pub(crate) fn sides(&self) -> u32 {
-        self.extent[0] | self.extent[1] << 16
+        Self::in_one_word(self.extent)
+    }
+
+    /// Returns an image's sides as `glsl/shared/sides.glsl` reads them.
+    pub(crate) fn in_one_word([width, height]: [u32; 2]) -> u32 {
+        width | height << 16
     }
 
     /// Returns whether rays start at the eye.

@@ -410,6 +410,7 @@ fn pushes(set: &TrainedSet, view: &View, draw: SplatPush) -> Result<(TrainedPush
     let perspective = view.is_perspective();
     let ([right, up, forward], (aspect, skew)) = (view.rows(), view.shape());
     let middle = set.centre.to_array().map(f32_of);
+    let (whole, from) = view.whole();
     let depth = (set.centre - eye).dot(view.forward());
     let project = TrainedPush {
         right: row(right),
@@ -417,8 +418,10 @@ fn pushes(set: &TrainedSet, view: &View, draw: SplatPush) -> Result<(TrainedPush
         forward: row(forward),
         eye: [rounded[0], rounded[1], rounded[2], f32_of(focal)],
         middle: [middle[0], middle[1], middle[2], f32_of(aspect)],
-        half_extent: view.half_extent(),
         skew: [skew.x, -skew.y].map(f32_of),
+        from_whole: from.to_array().map(f32_of),
+        sides: view.sides(),
+        whole: View::in_one_word(whole),
         scale_low: f32_of(set.scales[0]),
         scale_step: f32_of(set.scales[1]),
         reach: f32_of(set.reach),
