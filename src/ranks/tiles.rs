@@ -1,6 +1,6 @@
 //! The rectangles that the image is cut into where no boxes of space own what is drawn: kernels overlap, for one.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use crate::error::{Error, Result};
 use crate::num;
@@ -48,20 +48,13 @@ impl Tiles {
             let within = (0.0..=width).contains(&at.x) && (0.0..=height).contains(&at.y);
             within.then_some(at / f64::from(unit))
         };
-        let mut places: Vec<Place> = match &scene.data {
-            Data::Points(points) => points
-                .centres()
-                .iter()
-                .filter_map(|place| Some((view.project(*place).and_then(seen)?, 1.0)))
-                .collect(),
-            Data::Gaussians(splats) => (0..splats.len())
-                .filter_map(|i| Some((view.project(splats.centre(i)).and_then(seen)?, 1.0)))
-                .collect(),
-            _ => work_of(scene, view)
-                .into_iter()
-                .filter_map(|(place, work)| Some((view.project(place).and_then(seen)?, work?)))
-                .collect(),
+        let work: Vec<(DVec3, f64)> = match &scene.data {
+            Data::Points(points) => points.centres().iter().map(|&place| (place, 1.0)).collect(),
+            Data::Gaussians(splats) => (0..splats.len()).map(|i| (splats.centre(i), 1.0)).collect(),
+            _ => work_of(scene, view).into_iter().filter_map(|(place, work)| Some((place, work?))).collect(),
         };
+        let in_image = |(place, work)| Some((view.project(place).and_then(seen)?, work));
+        let mut places: Vec<Place> = work.into_iter().filter_map(in_image).collect();
         let mut rectangles = Vec::new();
         let all = Rectangle { corner: [0; 2], extent: extent.map(|side| side.div_ceil(unit)) };
         cut(&mut places, all, ranks, &mut rectangles)?;
