@@ -300,6 +300,7 @@
 #define MARCH_CONTINUES 4 // another dispatch resumes the march
 #define MARCH_WIDE 8      // the rays of a tile lie more than a brick apart
 #define MARCH_RESUMES 16  // rays go on from where BINDING_RAYS says
+#define MARCH_SAME_PAGES 32 // no page has been loaded since the dispatch before
 
 // Further bits of BasePlanePush.order.
 #define PLANE_DOWN 8           // rays go down the stack

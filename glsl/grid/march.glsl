@@ -51,8 +51,9 @@ bool own_pixel(out ivec2 pixel) {
     }
     if (BY_TILE_LIST) pixel = pixel * TILE + ivec2(gl_LocalInvocationID.xy);
     if (any(greaterThanEqual(pixel, ivec2(sides_of(push.sides))))) return false;
-    if (PAGED && (push.order & MARCH_RESUMES) != 0u) before = rays[number_of(pixel)];
-    return before.slab != RAY_ENDED;
+    if (!PAGED || (push.order & MARCH_RESUMES) == 0u) return true;
+    before = rays[number_of(pixel)];
+    return goes_on(before, push.order);
 }
 
 // Begins the march, or continues with what the dispatch before has stored: returns colour and opacity so far, and the transmittance.
@@ -126,8 +127,7 @@ void pass_layers(inout LayersAhead ahead, float depth, float opaque, inout vec4 
 bool ends_ray(ivec2 pixel, uint slab, uint end, float transmittance, float opaque, float reached, LayersAhead ahead, uint front, uint back) {
     if (!PAGED) return true;
     bool ended = !has_missed() && (slab >= end || transmittance <= opaque);
-    rays[number_of(pixel)] = RayState(ended ? RAY_ENDED : slab, transmittance, reached, ahead.depth, front, back);
-    if (!ended) note_unfinished(GREATEST ? 1.0 : transmittance);
+    rays[number_of(pixel)] = ray_at(ended, slab, transmittance, reached, ahead.depth, front, back);
     return ended;
 }
 

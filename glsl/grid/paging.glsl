@@ -3,11 +3,12 @@
 #define PAGING_GLSL
 
 #include "interface.glsl"
+#include "grid/empty-space.glsl"
 #include "grid/pages.glsl"
 
 // How far the ray of a pixel has come.
 struct RayState {
-    uint slab;           // the next; RAY_ENDED
+    uint slab;           // the next, and RAY_WAITS; RAY_ENDED
     float transmittance; // in front of it; of maximum intensity projection the greatest scalar
     float reached;       // depth at which a surface has split the slab
     float layer;         // depth of the next surface
@@ -19,13 +20,15 @@ layout(set = 0, binding = BINDING_WANTED, std430) buffer Wanted { uint wanted[];
 layout(set = 0, binding = BINDING_RAYS, std430) buffer Rays { RayState rays[]; };
 
 const uint RAY_ENDED = 0xffffffffu;
+const uint RAY_WAITS = 0x80000000u; // for a page
 
 // No sample has these bits.
 const uint UNKNOWN = 0xffffffffu;
 const RayState FIRST_STATE = RayState(0u, 1.0, -3e38, -3e38, UNKNOWN, UNKNOWN);
 
-// Notes that a ray has not ended, how much may still come from behind, and the page that it has missed.
+// Notes that a ray has not ended, how much may still come from behind, and the page that it has missed. Of maximum intensity projection all may.
 void note_unfinished(float transmittance) {
+    if (GREATEST) transmittance = 1.0;
     if (wanted[WANTED_UNFINISHED] == 0u) wanted[WANTED_UNFINISHED] = 1u;
     uint bits = floatBitsToUint(transmittance), square = uint(ceil(transmittance * transmittance * 65536.0));
     if (wanted[WANTED_GREATEST] < bits) atomicMax(wanted[WANTED_GREATEST], bits);
@@ -36,6 +39,24 @@ void note_unfinished(float transmittance) {
     if (wanted[mark] != 0u || atomicExchange(wanted[mark], 1u) != 0u) return;
     uint place = atomicAdd(wanted[WANTED_COUNT], 1u);
     if (place < WANTED_MOST) wanted[WANTED_FIRST + place] = missed_page - 1u;
+}
+
+// Notes that a ray has come to a slab. Returns what the next dispatch finds.
+RayState ray_at(bool ended, uint slab, float transmittance, float reached, float layer, uint front, uint back) {
+    if (ended) return RayState(RAY_ENDED, transmittance, reached, layer, front, back);
+    note_unfinished(transmittance);
+    return RayState(slab | (has_missed() ? RAY_WAITS : 0u), transmittance, reached, layer, front, back);
+}
+
+// Returns whether a ray goes on from where the dispatch before has left it. One that waits for a page does once pages have been loaded.
+bool goes_on(inout RayState ray, uint order) {
+    if (ray.slab == RAY_ENDED) return false;
+    if ((ray.slab & RAY_WAITS) != 0u && (order & MARCH_SAME_PAGES) != 0u) {
+        note_unfinished(ray.transmittance);
+        return false;
+    }
+    ray.slab &= ~RAY_WAITS;
+    return true;
 }
 
 #endif

@@ -214,8 +214,10 @@ void main() {
     uint number = number_of(texel);
     bool resumes = PAGED ? (push.order & MARCH_RESUMES) != 0u : RESUME;
     RayState before = FIRST_STATE;
-    if (PAGED && resumes) before = rays[number];
-    if (before.slab == RAY_ENDED) return;
+    if (PAGED && resumes) {
+        before = rays[number];
+        if (!goes_on(before, push.order)) return;
+    }
 #ifdef EDGE
     vec4 edge = edges[number];
     if (edge.z == float(EDGE_NONE)) return;
@@ -286,8 +288,7 @@ void main() {
     }
     if (PAGED) {
         bool ended = !has_missed() && (slab >= end_slab || transmittance <= opaque);
-        rays[number] = RayState(ended ? RAY_ENDED : uint(slab), transmittance, 0.0, 0.0, known, UNKNOWN);
-        if (!ended) note_unfinished(transmittance);
+        rays[number] = ray_at(ended, uint(slab), transmittance, 0.0, 0.0, known, UNKNOWN);
     }
     store_state(texel, packed_state(sum, transmittance, !PAGED && (push.order & MARCH_CONTINUES) != 0u));
     add_counts();

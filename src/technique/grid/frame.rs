@@ -10,9 +10,7 @@ use crate::frame::depth_measure::DepthMeasure;
 use crate::frame::dry_run::{draws, dry_run, passes};
 use crate::frame::prepared::{Outcome, Prepared};
 use crate::frame::target::Canvas;
-use crate::gpu::shader::{
-    MARCH_CONTINUES, MARCH_RESUMES, MARCH_WIDE, RASTER_BACK_TO_FRONT, RASTER_FIRST_SHIFT,
-};
+use crate::gpu::shader::{MARCH_CONTINUES, MARCH_WIDE, RASTER_BACK_TO_FRONT, RASTER_FIRST_SHIFT};
 use crate::gpu::{Attachment, Image, Recorder, TargetImage};
 use crate::interface::GridPush;
 use crate::num;
@@ -235,8 +233,7 @@ impl GridFrame {
                 recorder.copy_buffer_to_image(&format!("{name}.resolve"), texels, image, 0, [0, 1]);
             }
             Path::Compute { tiles, steps, first, resume, slabs_per_dispatch, groups, redraws } => {
-                let mut resumes =
-                    self.paging.as_ref().is_some_and(|paging| paging.record_begin(recorder, name));
+                let resumes = self.paging.as_ref().is_some_and(|paging| paging.record_begin(recorder, name));
                 match tiles {
                     // Pixels go on within the tiles that the image began with.
                     Some(tiles) if resumes => tiles.keep(recorder),
@@ -252,13 +249,11 @@ impl GridFrame {
                 }
                 if let Some(paging) = &self.paging {
                     push.seed = *slabs_per_dispatch;
-                    for _ in 0..count.div_ceil(*slabs_per_dispatch).max(1) {
-                        push.order =
-                            march_order(samples.axis, false) | if resumes { MARCH_RESUMES } else { 0 };
+                    for part in 0..count.div_ceil(*slabs_per_dispatch).max(1) {
+                        push.order = march_order(samples.axis, false) | Paging::march_order(resumes, part);
                         paging.record_dispatch(recorder, name);
                         let push = bytemuck::bytes_of(&push);
                         recorder.dispatch(&format!("{name}.march"), first, descriptors, push, groups.clone());
-                        resumes = true;
                     }
                     paging.record_end(recorder, name);
                     return;

@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::error::{Error, Result};
 use crate::frame::prepared::{ErrorBound, Outcome};
 use crate::gpu::shader::{
-    self, WANTED_COUNT, WANTED_FIRST, WANTED_GREATEST, WANTED_MOST, WANTED_SQUARES, WANTED_UNFINISHED,
+    self, MARCH_RESUMES, MARCH_SAME_PAGES, WANTED_COUNT, WANTED_FIRST, WANTED_GREATEST, WANTED_MOST,
+    WANTED_SQUARES, WANTED_UNFINISHED,
 };
 use crate::gpu::{Buffer, Recorder};
 use crate::interface::RayState;
@@ -127,6 +128,15 @@ impl Paging {
     pub(crate) fn record_begin(&self, recorder: &mut Recorder<'_>, name: &str) -> bool {
         recorder.clear_buffer(&format!("{name}.wanted.clear"), &self.wanted);
         recorder.records() && self.resumes.swap(false, Ordering::Relaxed)
+    }
+
+    /// Returns the bits of the order of a march's dispatch: the first, or one of the parts behind it.
+    pub(crate) fn march_order(resumes: bool, part: u32) -> u32 {
+        match (resumes, part) {
+            (false, 0) => 0,
+            (true, 0) => MARCH_RESUMES,
+            _ => MARCH_RESUMES | MARCH_SAME_PAGES,
+        }
     }
 
     /// Records what comes before each dispatch of the march: rays that have not ended by then note themselves anew.

@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::gpu::shader::{MARCH_CONTINUES, MARCH_RESUMES};
+use crate::gpu::shader::MARCH_CONTINUES;
 use crate::gpu::{Bound, Descriptors, Gpu, Pipeline, Recorder};
 use crate::interface::BasePlanePush;
 use crate::primitives::dispatch::tiles_of;
+use crate::technique::grid::paging::Paging;
 use crate::technique::shear_warp::options::NAME;
 use crate::technique::shear_warp::planes::DrawnPlane;
 
@@ -60,7 +61,7 @@ impl March {
         resumes: bool,
     ) {
         for part in 0..self.parts(plane.slabs) {
-            let order = plane.push.order | if resumes || part > 0 { MARCH_RESUMES } else { 0 };
+            let order = plane.push.order | Paging::march_order(resumes, part);
             let push = BasePlanePush { first: 0, count: self.slabs_per_dispatch, order, ..plane.push };
             let groups = tiles_of(plane.push.size);
             recorder.dispatch(name, &self.first, descriptors, bytemuck::bytes_of(&push), groups);
