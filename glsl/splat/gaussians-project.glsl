@@ -47,7 +47,7 @@ layout(push_constant) uniform TrainedPush {
     vec2 skew;        // to the right and down, of the ray of the image's middle
     vec2 from_whole;  // pixels from the middle of the image that this is a part of, to the right and down
     uint sides;
-    uint whole;       // its sides
+    uint whole;       // the sides of that image
     float scale_low;  // logarithm to base 2 of the shortest length, and of a step of its code
     float scale_step;
     float reach;      // by which most splats reach before and behind their centres, at most
@@ -187,7 +187,7 @@ Drawn by_image(Trained splat) {
     bool perspective = push.perspective != 0u, khr = RULE == RULE_KHR;
     vec2 slopes = perspective ? splat.centre.xy / z : vec2(0.0), place = perspective ? slopes * focal : splat.centre.xy * focal;
     vec2 limits = MOST_SLOPE * half_of(push.whole) / focal, aside = push.from_whole / focal;
-    if (!khr) slopes = clamp(slopes + aside, -limits, limits) - aside;
+    if (!khr && perspective) slopes = clamp(slopes + aside, -limits, limits) - aside;
     float scale = perspective ? focal / z : focal;
     mat3 root = mat3(splat.rotation[0] * splat.lengths.x, splat.rotation[1] * splat.lengths.y, splat.rotation[2] * splat.lengths.z);
     vec3 ahead = push.forward.xyz * root;

@@ -65,7 +65,8 @@ impl Shares {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] for no ranks, and for so many that the image has no rows and columns to share out.
+    /// [`Error::Invalid`] for no ranks, and for so many that the image has no rows and columns to share out; of trained splats no rows and columns
+    /// of 16 pixels.
     pub fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
         match &scene.data {
             Data::Grid(_) | Data::Mesh(_)
@@ -139,7 +140,11 @@ pub fn render(
             return Err(Error::invalid("shares", why));
         }
         let view = shares.view(view, ranks.rank())?;
-        let mut frames = Renderer::new(scene, technique).frames(&view)?;
+        let renderer = Renderer::new(scene, technique);
+        if let Shares::Image(_) = shares {
+            renderer.check_rectangle()?;
+        }
+        let mut frames = renderer.frames(&view)?;
         let frame = frames.draw(&view)?;
         Ok((frame, frames.read_back()?))
     };

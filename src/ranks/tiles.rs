@@ -57,7 +57,7 @@ impl Tiles {
         let mut places: Vec<Place> = work.into_iter().filter_map(in_image).collect();
         let mut rectangles = Vec::new();
         let all = Rectangle { corner: [0; 2], extent: extent.map(|side| side.div_ceil(unit)) };
-        cut(&mut places, all, ranks, &mut rectangles)?;
+        cut(&mut places, all, unit, ranks, &mut rectangles)?;
         for Rectangle { corner, extent: sides } in &mut rectangles {
             *corner = corner.map(|at| unit * at);
             *sides = [0, 1].map(|axis| (unit * sides[axis]).min(extent[axis] - corner[axis]));
@@ -101,8 +101,14 @@ impl Tiles {
     }
 }
 
-/// Cuts a rectangle, in which work has these places, for so many ranks.
-fn cut(places: &mut [Place], all: Rectangle, ranks: u32, rectangles: &mut Vec<Rectangle>) -> Result<()> {
+/// Cuts a rectangle of pixels, or of tiles with sides of `unit` pixels, in which work has these places, for so many ranks.
+fn cut(
+    places: &mut [Place],
+    all: Rectangle,
+    unit: u32,
+    ranks: u32,
+    rectangles: &mut Vec<Rectangle>,
+) -> Result<()> {
     if ranks == 1 {
         rectangles.push(all);
         return Ok(());
@@ -113,7 +119,8 @@ fn cut(places: &mut [Place], all: Rectangle, ranks: u32, rectangles: &mut Vec<Re
     // Each of the ranks needs a pixel, and whole columns or rows are cut off.
     let least = |ranks: u32| ranks.div_ceil(other);
     if side < least(below) + least(ranks - below) {
-        let why = format!("{ranks} for {} x {} pixels: too few to share out", all.extent[0], all.extent[1]);
+        let what = if unit > 1 { format!("tiles of {unit} x {unit} pixels") } else { "pixels".to_string() };
+        let why = format!("{ranks} for {} x {} {what}: too few to share out", all.extent[0], all.extent[1]);
         return Err(Error::invalid("ranks", why));
     }
     places.sort_unstable_by(|(a, _), (b, _)| a[axis].total_cmp(&b[axis]));
@@ -132,8 +139,8 @@ fn cut(places: &mut [Place], all: Rectangle, ranks: u32, rectangles: &mut Vec<Re
     let [mut near, mut far] = [all; 2];
     near.extent[axis] = width;
     (far.corner[axis], far.extent[axis]) = (all.corner[axis] + width, side - width);
-    cut(first, near, below, rectangles)?;
-    cut(second, far, ranks - below, rectangles)
+    cut(first, near, unit, below, rectangles)?;
+    cut(second, far, unit, ranks - below, rectangles)
 }
 
 #[cfg(test)]
@@ -151,7 +158,7 @@ mod tests {
                 .map(|place| (place * DVec2::from_array(extent.map(f64::from)), 1.0))
                 .collect();
             let mut rectangles = Vec::new();
-            cut(&mut places, Rectangle { corner: [0; 2], extent }, ranks, &mut rectangles).unwrap();
+            cut(&mut places, Rectangle { corner: [0; 2], extent }, 1, ranks, &mut rectangles).unwrap();
             assert_eq!(rectangles.len(), num::index(ranks));
             let mut covered = vec![0; num::index(extent[0] * extent[1])];
             for Rectangle { corner, extent: [width, height] } in rectangles {
@@ -165,6 +172,6 @@ mod tests {
             assert!(covered.iter().all(|&count| count == 1), "{extent:?} for {ranks}");
         }
         let one = Rectangle { corner: [0; 2], extent: [2, 1] };
-        assert!(cut(&mut [], one, 3, &mut Vec::new()).unwrap_err().to_string().contains("3 for 2 x 1"));
+        assert!(cut(&mut [], one, 1, 3, &mut Vec::new()).unwrap_err().to_string().contains("3 for 2 x 1"));
     }
 }

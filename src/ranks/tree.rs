@@ -34,7 +34,7 @@ impl KdTree {
     ///
     /// # Errors
     ///
-    /// [`Error::Invalid`] for no ranks, and for points.
+    /// [`Error::Invalid`] for no ranks, for points, and for trained splats.
     pub fn new(scene: &Scene, view: &View, ranks: u32) -> Result<Self> {
         check_count(ranks)?;
         if scene.grid().is_none() && scene.mesh().is_none() {
@@ -61,8 +61,8 @@ impl KdTree {
     }
 }
 
-/// Returns places of a grid or a mesh, and the work of each in a view: by samples of a grid, or of its overview where they are read on demand,
-/// that the transfer function shows, or by cells of a mesh; `None` where nothing is seen.
+/// Returns places of a grid or a mesh, and the work of each in a view; `None` where nothing is seen. Places are samples of a grid that the transfer
+/// function shows, those of its overview where it is read on demand, and cells of a mesh.
 pub(super) fn work_of(scene: &Scene, view: &View) -> Vec<(DVec3, Option<f64>)> {
     let [first, .., last] = scene.data.corners();
     let nearest = NEAREST * first.distance(last);

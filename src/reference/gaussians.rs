@@ -207,7 +207,7 @@ impl<'a> GaussianRays<'a> {
         let slope = |axis: usize| {
             let (most, aside) =
                 (f64::from(SLOPES) * 0.5 * f64::from(sides[axis]) / focal, from[axis] / focal);
-            if khr { slopes[axis] } else { (slopes[axis] + aside).clamp(-most, most) - aside }
+            if khr || !perspective { slopes[axis] } else { (slopes[axis] + aside).clamp(-most, most) - aside }
         };
         let (a, b) = (scale * (right - slope(0) * ahead), scale * (down - slope(1) * ahead));
         let lowpass = if khr { 0.0 } else { f64::from(LOWPASS) };

@@ -196,9 +196,19 @@ impl PagePool {
             Ok((slots, Volume::pool(gpu, grid, form, slots)?))
         };
         // Drivers pad images, and may refuse one allocation of as many bytes as the budget has.
-        let (slots, volume) =
-            volume_of(bytes).or_else(|_| volume_of(bytes.min(gpu.promised_bytes()) / 4 * 3))?;
-        let batch = (bytes / 8).min(gpu.staging_bytes()) / page_bytes;
+        let least = bytes.min(gpu.promised_bytes()) / 4 * 3;
+        let mut room = bytes;
+        let (slots, volume) = loop {
+            match volume_of(room) {
+                Err(Error::Unsupported { .. } | Error::Allocation { .. } | Error::Memory { .. })
+                    if room > least =>
+                {
+                    room = (room / 4 * 3).max(least);
+                }
+                made => break made?,
+            }
+        };
+        let batch = (room / 8).min(gpu.staging_bytes()) / page_bytes;
         let staging = Buffer::new(gpu, "pages (staging)", batch.max(1) * page_bytes, BufferUse::Upload)?;
         let count = num::index(product(pages));
         let state = State {

@@ -346,18 +346,17 @@ impl View {
     /// Returns the same view with pixels of about `side` x `side` of these: as many as its height needs, and of the same size as many as
     /// its width needs.
     pub(crate) fn reduced(&self, side: u32) -> Result<Self> {
-        if side == 1 {
-            return Ok(*self);
-        }
         let [width, height] = self.extent.map(u64::from);
         let rows = height.div_ceil(u64::from(side.max(1)));
         let columns = (width * rows).div_ceil(height);
         let [columns, rows] = [columns, rows].map(|pixels| u32::try_from(pixels).unwrap_or(u32::MAX));
         check_sides([columns, rows])?;
+        let larger = f64::from(self.extent[1]) / f64::from(rows);
+        let fewer = |side: u32| crate::num::u32_of((f64::from(side) / larger).ceil());
         Ok(Self {
             extent: [columns, rows],
-            scale: self.scale * f64::from(self.extent[1]) / f64::from(rows),
-            whole: None,
+            scale: self.scale * larger,
+            whole: self.whole.map(|(sides, from)| (sides.map(fewer), from / larger)),
             ..*self
         })
     }

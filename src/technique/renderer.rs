@@ -66,6 +66,25 @@ impl Renderer {
         })
     }
 
+    /// Refuses what draws a rectangle of the image otherwise than in the whole one.
+    pub(crate) fn check_rectangle(&self) -> Result<()> {
+        let Scene { data, kernels, .. } = self.scene.scene();
+        let drawn = self.technique.drawn();
+        let pairs = self.technique.option_pairs();
+        let adapts = pairs.iter().any(|(key, value)| *key == "tolerance" && *value != "off");
+        let why = if drawn.side > 1 {
+            "resolution=full is the only one: others blur across its sides".to_string()
+        } else if adapts {
+            "tolerance chooses steps for tiles of the image: set step".to_string()
+        } else if matches!(data, Data::Grid(_)) && kernels.is_none() && !drawn.pieces {
+            let name = self.technique.method().name();
+            format!("{name} shares rays between pixels: slices-2d draws the same slabs")
+        } else {
+            return Ok(());
+        };
+        Err(Error::invalid("rectangle of an image", why))
+    }
+
     /// Refuses what does not draw the pieces of rays that a box owns.
     fn check_owned(&self) -> Result<()> {
         let Scene { data, kernels, surfaces, mode, .. } = self.scene.scene();

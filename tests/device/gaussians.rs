@@ -63,6 +63,44 @@ fn compared(gpu: &Gpu, scene: &Scene, view: &View, options: &str) -> ([f64; 2], 
     ([all.rmse, all.max_abs], image)
 }
 
+/// Parts are those of the image by rules that depend on its edges, of full and of half resolution, and beyond the image by parallel lines.
+#[test]
+fn parts_keep_the_edges_of_the_whole() {
+    let gpu = gpu();
+    let camera = |projection| Camera {
+        eye: DVec3::new(0.2, 0.1, -0.9),
+        target: DVec3::ZERO,
+        up: DVec3::NEG_Y,
+        projection,
+    };
+    let view = |projection, width| View::new(camera(projection), width, 64).unwrap();
+    let splats = scene(cloud(900, 0), SplatRule::Inria);
+    let near = view(Projection::Perspective { fov_y_deg: 70.0 }, 128);
+    let same = |part: &Image, whole: &Image, corner: u32, what: &str| {
+        let width = part.width();
+        let far = |i: usize| {
+            let (x, y) = (i as u32 % width, i as u32 / width);
+            let want = whole.pixel(corner + x, y);
+            (0..4).any(|c| (part.pixel(x, y)[c] - want[c]).abs() > 1e-4)
+        };
+        let apart = (0..part.pixels().len()).filter(|&i| far(i)).count();
+        assert!(200 * apart <= part.pixels().len(), "{what}: {apart}");
+    };
+    for spec in ["gaussians", "gaussians:resolution=half"] {
+        let part = draw(&gpu, &splats, &near.part([64, 0], [64, 64]).unwrap(), spec);
+        let whole = draw(&gpu, &splats, &near, spec);
+        // Half the resolution is upsampled, and across the side of the part from less.
+        let inner = if spec == "gaussians" { 0 } else { 8 };
+        let pixels = (0..64 * (64 - inner)).map(|i| part.pixel(inner + i % (64 - inner), i / (64 - inner)));
+        let part = Image::new(64 - inner, 64, pixels.collect()).unwrap();
+        same(&part, &whole, 64 + inner, spec);
+    }
+    let parallel = |width| view(Projection::Orthographic { half_height: 0.6 }, width);
+    let beside = draw(&gpu, &splats, &parallel(64).part([64, 0], [64, 64]).unwrap(), "gaussians");
+    same(&beside, &draw(&gpu, &splats, &parallel(192), "gaussians"), 128, "beyond");
+    assert!(beside.pixels().iter().any(|pixel| pixel[3] > 0.1));
+}
+
 /// Images are the reference's from afar, from within and by parallel lines, of every degree of harmonics, in columns and in pixels, in one band and in several.
 #[test]
 fn each_rule_is_its_reference() {

@@ -336,6 +336,16 @@ fn what_no_box_owns_is_refused() {
             assert!(message.contains(why) && !message.contains('\n'), "{spec}: {message}");
         }
     }
+    for (spec, why) in [
+        ("raycast:resolution=half", "resolution=full"),
+        ("raycast:tolerance=0.01", "set step"),
+        ("shear-warp", "slices-2d draws the same"),
+    ] {
+        let scene = if spec == "shear-warp" { &with_pane } else { &maximum };
+        for message in refused(scene, spec) {
+            assert!(message.contains(why) && !message.contains('\n'), "{spec}: {message}");
+        }
+    }
     let owned = views()[0].with_owned(DVec3::ZERO, DVec3::ONE).unwrap();
     for (scene, spec, why) in [(maximum, "raycast", "do not add up"), (with_pane, "slabs", "surfaces")] {
         let scene = GpuScene::new(&gpu, scene);

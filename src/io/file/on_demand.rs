@@ -1,8 +1,8 @@
 //! Samples that stay in their files, uncompressed, and are read box by box.
 
 use std::io::ErrorKind;
-use std::path::Path;
-use std::sync::Arc;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, Result};
 use crate::io::file::decode::{Layout, Values, append};
@@ -28,23 +28,35 @@ pub(crate) enum Planes {
     Joined(Source, u64),
     /// Each from a byte of one file on.
     Apart(Source, Vec<u64>),
-    /// Each in a file that is opened to read it: they may be more than a process may have open.
-    Files(Vec<PlaneFile>),
+    /// In several files.
+    Files(PlaneFiles),
 }
 
-/// A file with a plane.
+/// Files with as many planes each, which are opened to read them: they may be more than a process may have open.
+#[derive(Debug)]
+pub(crate) struct PlaneFiles {
+    files: Vec<PlaneFile>,
+    /// Planes in each.
+    each: usize,
+    /// The file that was opened last.
+    open: Mutex<Option<(usize, Source)>>,
+}
+
+/// A file with planes, one after another.
 #[derive(Clone, Debug)]
 pub(crate) struct PlaneFile {
-    path: Arc<Path>,
+    path: PathBuf,
     /// The size of the file, in bytes.
     len: u64,
-    /// The first byte of the plane.
+    /// The first byte of the first plane.
     offset: u64,
 }
 
 impl PlaneFile {
     pub(crate) fn new(source: &Source, offset: u64) -> Self {
-        Self { path: source.path().into(), len: source.len(), offset }
+        // The program may go to another folder.
+        let path = std::path::absolute(source.path()).unwrap_or_else(|_| source.path().into());
+        Self { path, len: source.len(), offset }
     }
 
     fn open(&self) -> Result<Source> {
@@ -54,6 +66,27 @@ impl PlaneFile {
         }
         let rule = format!("has {} bytes: it had {} when it was opened", source.len(), self.len);
         Err(source.error("file", rule))
+    }
+}
+
+impl PlaneFiles {
+    /// Takes the files of a grid with so many planes.
+    pub(crate) fn new(files: Vec<PlaneFile>, planes: usize) -> Self {
+        let each = planes / files.len().max(1);
+        Self { files, each, open: Mutex::new(None) }
+    }
+
+    /// Returns the file of a plane, which has so many bytes, and where it begins.
+    fn plane(&self, z: usize, bytes: u64) -> Result<(Source, u64)> {
+        let file = &self.files[z / self.each];
+        let offset = file.offset + num::wide(z % self.each) * bytes;
+        let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, source)) = open.as_ref().filter(|(number, _)| *number == z / self.each) {
+            return Ok((source.clone(), offset));
+        }
+        let source = file.open()?;
+        *open = Some((z / self.each, source.clone()));
+        Ok((source, offset))
     }
 }
 
@@ -71,7 +104,8 @@ impl SampleSource for InFile {
             _ => (width, [height, depth]),
         };
         let mut samples = Values::none(kind, components, pick);
-        let full = |_| Error::invalid("data", format!("a box of {extent:?} samples: memory is full"));
+        let error = |rule: String| Error::file(self.planes.path(), "data", rule);
+        let full = |_| error(format!("a box of {extent:?} samples: memory is full"));
         samples.reserve(width * height * depth).map_err(full)?;
         let tuple_bytes = num::usize_of_u64(tuple);
         let mut bytes = vec![0; width * height * depth * tuple_bytes];
@@ -84,7 +118,7 @@ impl SampleSource for InFile {
         let mut between =
             vec![0; if runs[0] > 1 && nx * tuple <= BLOCK { (runs[0] - 1) * stride + row } else { 0 }];
         for (k, plane) in bytes.chunks_exact_mut(runs[0] * row).enumerate() {
-            let (source, begin) = self.plane(first[2] + num::count(k), nx * ny * tuple)?;
+            let (source, begin) = self.planes.of(first[2] + num::count(k), nx * ny * tuple)?;
             let offset = |j: usize| {
                 let [x, y] = [first[0], first[1] + num::count(j)].map(u64::from);
                 begin + (y * nx + x) * tuple
@@ -101,19 +135,26 @@ impl SampleSource for InFile {
             }
         }
         append(&mut &*bytes, width * height * depth, &self.layout, &mut samples)
-            .map_err(|error| Error::invalid("data", error.to_string()))?;
+            .map_err(|why| error(why.to_string()))?;
         Ok(samples.into_samples())
     }
 }
 
-impl InFile {
+impl Planes {
     /// Returns the file of a plane, which has so many bytes, and where it begins.
-    fn plane(&self, z: u32, bytes: u64) -> Result<(Source, u64)> {
-        let at = num::index(z);
-        match &self.planes {
-            Planes::Joined(source, offset) => Ok((source.clone(), offset + u64::from(z) * bytes)),
-            Planes::Apart(source, offsets) => Ok((source.clone(), offsets[at])),
-            Planes::Files(files) => Ok((files[at].open()?, files[at].offset)),
+    fn of(&self, z: u32, bytes: u64) -> Result<(Source, u64)> {
+        match self {
+            Self::Joined(source, offset) => Ok((source.clone(), offset + u64::from(z) * bytes)),
+            Self::Apart(source, offsets) => Ok((source.clone(), offsets[num::index(z)])),
+            Self::Files(files) => files.plane(num::index(z), bytes),
+        }
+    }
+
+    /// Returns the path of the first file.
+    fn path(&self) -> &Path {
+        match self {
+            Self::Joined(source, _) | Self::Apart(source, _) => source.path(),
+            Self::Files(files) => files.files.first().map_or(Path::new(""), |file| &file.path),
         }
     }
 }

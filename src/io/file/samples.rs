@@ -4,7 +4,7 @@ use std::io::{ErrorKind, Read};
 
 use crate::error::{Error, Result};
 use crate::io::file::decode::{Layout, Values, append};
-use crate::io::file::on_demand::{InFile, PlaneFile, Planes};
+use crate::io::file::on_demand::{InFile, PlaneFile, PlaneFiles, Planes};
 use crate::io::file::sample_type::{Endian, Pick};
 use crate::io::file::scanner::Scanner;
 use crate::io::file::source::{Encoding, Source};
@@ -137,11 +137,9 @@ fn on_demand(
         if shares == 1 {
             return in_files(Planes::Joined(source.clone(), begin), layout).map(Some);
         }
-        let planes = depth / shares;
-        let plane = bytes / num::wide(planes);
-        files.extend((0..num::wide(planes)).map(|k| PlaneFile::new(source, begin + k * plane)));
+        files.push(PlaneFile::new(source, begin));
     }
-    in_files(Planes::Files(files), layout).map(Some)
+    in_files(Planes::Files(PlaneFiles::new(files, depth)), layout).map(Some)
 }
 
 /// Returns samples that stay in their files, whose overview is read.

@@ -160,7 +160,6 @@ impl Source {
     }
 
     /// Whether this is a file on disk, beside which others are.
-    #[cfg(feature = "zarr")]
     pub(crate) fn is_on_disk(&self) -> bool {
         matches!(&*self.body, Body::File(_))
     }

@@ -70,6 +70,9 @@ impl Reader for MetaImage {
         let parts = usize::try_from(data.files.as_ref().map_or(1, Files::count)).unwrap_or(usize::MAX);
         let stored = Cell::new(0_u64);
         let part = |index, share| {
+            if index == 0 {
+                stored.set(0);
+            }
             let part = header.part(&data, index, share, request)?;
             let bytes = part.source.len().saturating_sub(part.offset);
             stored.set(stored.get().saturating_add(bytes));

@@ -84,6 +84,9 @@ impl Reader for Nrrd {
         }
         let skipped = Cell::new(0_u64);
         let part = |index: usize, share: u64| {
+            if index == 0 {
+                skipped.set(0);
+            }
             let (data, start) = match &files {
                 None => (source.clone(), header.end),
                 Some(files) => (source.sibling(Path::new(&files.name(index)), request)?, 0),

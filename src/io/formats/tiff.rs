@@ -25,7 +25,7 @@ use crate::io::build::data_file::{Array, DataFile, Lattice, Shape, stand_in};
 use crate::io::build::volume::rescale_of;
 use crate::io::file::budget::Budget;
 use crate::io::file::decode::{Layout, Values};
-use crate::io::file::on_demand::{PlaneFile, Planes};
+use crate::io::file::on_demand::{PlaneFile, PlaneFiles, Planes};
 use crate::io::file::sample_type::Pick;
 use crate::io::file::samples;
 use crate::io::file::source::Source;
@@ -88,6 +88,8 @@ impl Reader for Tiff {
             let layout = shape.layout(look, slices);
             let images = || (0..slices).map(|slice| image(first + slice * stride));
             if samples::stays_in_file(source, "pages", &layout, request)?.2 {
+                budget.take("pages", scratch)?;
+                budget.put_back(scratch);
                 let begin = |image: Result<(Page, Vec<_>)>| {
                     image.and_then(|(page, chunks)| page.begin(&file, &chunks, look))
                 };
@@ -126,6 +128,7 @@ pub(crate) fn read_series(folder: &Path, files: &[PathBuf], request: &Request) -
             on_demand = false;
         }
     }
+    let mut budget = Budget::new(source, request);
     let (mut most, mut scratch) = (0_u64, 0);
     // The slices, where they stay in their files.
     let mut planes = Vec::new();
@@ -135,6 +138,8 @@ pub(crate) fn read_series(folder: &Path, files: &[PathBuf], request: &Request) -
         first.shape.check(&source, &stack.shape)?;
         most = most.saturating_add(source.len().saturating_mul(stack.ratio));
         scratch = stack.scratch.max(scratch);
+        budget.take("slices", stack.scratch)?;
+        budget.put_back(stack.scratch);
         if let ([look], true) = (&looks[..], on_demand) {
             let Stack { file, shape, .. } = &stack;
             let begin = shape.begin(file, &shape.chunks(file)?, look)?;
@@ -146,12 +151,12 @@ pub(crate) fn read_series(folder: &Path, files: &[PathBuf], request: &Request) -
         }
     }
     let most = (most, "the files".to_owned());
-    let mut budget = Budget::new(source, request);
     let mut read = |look: &Look| {
         let layout = first.shape.layout(look, files.len());
         if planes.len() == files.len() {
             let layout = Layout { endian: first.file.endian, ..layout };
-            return Ok((layout.dims, samples::in_files(Planes::Files(planes.clone()), &layout)?));
+            let planes = Planes::Files(PlaneFiles::new(planes.clone(), files.len()));
+            return Ok((layout.dims, samples::in_files(planes, &layout)?));
         }
         let mut values = reserve(source, "slices", &layout, &most, scratch, &mut budget, request)?;
         for path in files {
