@@ -68,43 +68,42 @@ impl Renderer {
 
     /// Refuses what draws a rectangle of the image otherwise than in the whole one.
     pub(crate) fn check_rectangle(&self) -> Result<()> {
-        let Scene { data, kernels, .. } = self.scene.scene();
-        let drawn = self.technique.drawn();
-        let pairs = self.technique.option_pairs();
-        let adapts = pairs.iter().any(|(key, value)| *key == "tolerance" && *value != "off");
-        let why = if drawn.side > 1 {
-            "resolution=full is the only one: others blur across its sides".to_string()
-        } else if adapts {
-            "tolerance chooses steps for tiles of the image: set step".to_string()
-        } else if matches!(data, Data::Grid(_)) && kernels.is_none() && !drawn.pieces {
-            let name = self.technique.method().name();
-            format!("{name} shares rays between pixels: slices-2d draws the same slabs")
-        } else {
-            return Ok(());
-        };
-        Err(Error::invalid("rectangle of an image", why))
+        self.why_whole_only().map_or(Ok(()), |why| Err(Error::invalid("rectangle of an image", why)))
     }
 
     /// Refuses what does not draw the pieces of rays that a box owns.
     fn check_owned(&self) -> Result<()> {
         let Scene { data, kernels, surfaces, mode, .. } = self.scene.scene();
-        let method = self.technique.method();
-        let drawn = self.technique.drawn();
-        let overlap = method.overlaps() || matches!(data, Data::Points(_) | Data::Gaussians(_));
+        let overlap =
+            self.technique.method().overlaps() || matches!(data, Data::Points(_) | Data::Gaussians(_));
         let why = if overlap || kernels.is_some() {
             "kernels overlap, so that no box owns them".to_string()
         } else if !surfaces.is_empty() {
             "scenes with surfaces have none".to_string()
         } else if *mode == Mode::Maximum {
             "of maximum intensity projection the parts of a ray do not add up".to_string()
-        } else if drawn.side > 1 {
-            "resolution=full is the only one: others blur across its sides".to_string()
-        } else if matches!(data, Data::Grid(_)) && !drawn.pieces {
-            format!("{} shares rays between pixels: slices-2d draws the same slabs", method.name())
+        } else if let Some(why) = self.why_whole_only() {
+            why
         } else {
             return Ok(());
         };
         Err(Error::invalid("owned box", why))
+    }
+
+    /// Returns why pixels depend on others of the whole image, if they do.
+    fn why_whole_only(&self) -> Option<String> {
+        let Scene { data, kernels, .. } = self.scene.scene();
+        let drawn = self.technique.drawn();
+        let options = self.technique.option_pairs();
+        if drawn.side > 1 {
+            return Some("resolution=full is the only one: others blur across its sides".to_string());
+        }
+        if options.iter().any(|(key, value)| *key == "tolerance" && *value != "off") {
+            return Some("tolerance chooses steps for tiles of the image: set step".to_string());
+        }
+        let shares = matches!(data, Data::Grid(_)) && kernels.is_none() && !drawn.pieces;
+        let name = self.technique.method().name();
+        shares.then(|| format!("{name} shares rays between pixels: slices-2d draws the same slabs"))
     }
 
     /// Refuses hit depths of an opacity at which rays may have ended.

@@ -31,6 +31,13 @@ impl<'a> Budget<'a> {
         Ok(())
     }
 
+    /// Checks that bytes may be taken which are freed again.
+    pub(crate) fn borrow(&mut self, place: &str, bytes: u64) -> Result<()> {
+        self.take(place, bytes)?;
+        self.put_back(bytes);
+        Ok(())
+    }
+
     /// Returns the bytes that may still be taken.
     pub(crate) fn left(&self) -> u64 {
         self.left.get()

@@ -78,14 +78,17 @@ impl PlaneFiles {
 
     /// Returns the file of a plane, which has so many bytes, and where it begins.
     fn plane(&self, z: usize, bytes: u64) -> Result<(Source, u64)> {
-        let file = &self.files[z / self.each];
+        let number = z / self.each;
+        let file = &self.files[number];
         let offset = file.offset + num::wide(z % self.each) * bytes;
-        let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, source)) = open.as_ref().filter(|(number, _)| *number == z / self.each) {
-            return Ok((source.clone(), offset));
-        }
-        let source = file.open()?;
-        *open = Some((z / self.each, source.clone()));
+        // Others go on while a file is opened.
+        let open = || self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        let last = open().clone().filter(|(last, _)| *last == number);
+        let source = match last {
+            Some((_, source)) => source,
+            None => file.open()?,
+        };
+        *open() = Some((number, source.clone()));
         Ok((source, offset))
     }
 }

@@ -88,8 +88,7 @@ impl Reader for Tiff {
             let layout = shape.layout(look, slices);
             let images = || (0..slices).map(|slice| image(first + slice * stride));
             if samples::stays_in_file(source, "pages", &layout, request)?.2 {
-                budget.take("pages", scratch)?;
-                budget.put_back(scratch);
+                budget.borrow("pages", scratch)?;
                 let begin = |image: Result<(Page, Vec<_>)>| {
                     image.and_then(|(page, chunks)| page.begin(&file, &chunks, look))
                 };
@@ -138,8 +137,7 @@ pub(crate) fn read_series(folder: &Path, files: &[PathBuf], request: &Request) -
         first.shape.check(&source, &stack.shape)?;
         most = most.saturating_add(source.len().saturating_mul(stack.ratio));
         scratch = stack.scratch.max(scratch);
-        budget.take("slices", stack.scratch)?;
-        budget.put_back(stack.scratch);
+        budget.borrow("slices", stack.scratch)?;
         if let ([look], true) = (&looks[..], on_demand) {
             let Stack { file, shape, .. } = &stack;
             let begin = shape.begin(file, &shape.chunks(file)?, look)?;
@@ -191,8 +189,7 @@ fn reserve(
     }
     let mut values = Values::none(layout.kind, layout.components, layout.pick);
     budget.take(place, wide(count).saturating_mul(layout.pick.bytes(layout.kind, layout.components)))?;
-    budget.take(place, scratch)?;
-    budget.put_back(scratch);
+    budget.borrow(place, scratch)?;
     values.reserve(count).map_err(|_| source.error(place, format!("{count} samples: memory is full")))?;
     Ok(values)
 }

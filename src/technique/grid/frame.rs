@@ -125,15 +125,9 @@ impl GridFrame {
             let why = "full: its table does not tell where a lit segment emits; integral and exact do";
             return Err(refused(name, "integrator", why));
         }
-        let refuse_owned = |what: &str, instead: &str| match target.owned {
-            Some(_) => Err(refused(name, what, format!("none where a box owns pieces of rays: {instead}"))),
-            None => Ok(()),
-        };
-        if route == Route::Raster {
-            refuse_owned("route", "set compute")?;
-        }
-        if technique.tolerance().is_some() {
-            refuse_owned("tolerance", "set step")?;
+        if route == Route::Raster && target.owned.is_some() {
+            let why = "none where a box owns pieces of rays: set compute";
+            return Err(refused(name, "route", why));
         }
         let has_nan = grid.nan_count() > 0;
         if has_nan && options.prefilter == Prefilter::Mip {
