@@ -81,8 +81,7 @@
 #define BINDING_PAGES 77        // storage block: a PAGE_* word for each page
 #define BINDING_WANTED 78       // storage block: WANTED_* words: pages that rays have missed
 #define BINDING_RAYS 79         // storage block: how far the ray of each pixel has come
-#define BINDING_POOL 80         // sampler3D: the pages of a grid for techniques of stacks
-#define BINDING_LINE_OWNED 81   // storage block: the two depths between which a part of space owns pieces of each pixel's ray
+#define BINDING_LINE_OWNED 80   // storage block: the two depths between which a part of space owns pieces of each pixel's ray
 
 #define BINDING_COUNTS 73       // storage block: COUNTS_* words
 #define BINDING_HIT_DEPTHS 76   // storage block: the depth at which each pixel's ray becomes opaque enough; 0: none

@@ -69,7 +69,7 @@ Lattice lattice_of_view(bool stack) {
     if (stack) px.z = py.z = 0.0;
     float footprint = max(dot(px, px), dot(py, py));
     return Lattice(push.half_slope.xyz, push.value_scale, push.value_offset, push.q0_kq.w, kd_of_view(),
-                   PREFILTER ? 0.5 * log2(footprint) : 0.0, push.order & MARCH_AXIS, ivec3(0), vec3(0.0));
+                   PREFILTER ? 0.5 * log2(footprint) : 0.0, push.order & MARCH_AXIS, ivec4(0), vec3(0.0));
 }
 
 #endif

@@ -17,7 +17,7 @@ struct Lattice {
     float kd;
     float lod;      // mip level at which a voxel is as large as a pixel at unit distance
     uint axis;      // the grid's axis that index space calls z; the other two follow it cyclically
-    ivec3 pages;    // steps from page to page (pages.glsl)
+    ivec4 pages;    // xyz: steps from page to page; w: number of the first (pages.glsl)
     vec3 texel;     // of the pages' pool, in its normalised coordinates
 };
 

@@ -70,16 +70,6 @@ bool knows(uint value, uint slab) {
     return PAGED && slab == before.slab && value != UNKNOWN;
 }
 
-// Finds the pages of a run of samples, one for each slab from `slab` to before `stop`: the first lies at depth z, and the others follow by h or
-// less each. Returns the slab before which they leave these pages. A run is no longer than a walk, so that invocations which run in lockstep do
-// not wait for the longest; and a walk ends with its run, because the next page may show nothing, and then need not be held.
-uint run_on_pages(uint slab, uint stop, uint walk, float z, float h, Ray ray, Lattice lattice) {
-    if (!PAGED || slab >= stop) return stop;
-    stop = min(stop, slab + walk);
-    enter_pages(ray, z, fma(float(stop - slab), h, z), lattice);
-    return uint(clamp(floor((page_until - z) / h) + float(slab + 1u), float(slab + 1u), float(stop)));
-}
-
 // Returns the slabs of this dispatch, of those that the ray meets: of a grid in pages the next, else all.
 uvec2 slabs_ahead(uvec2 slabs) {
     if (!PAGED) return slabs;

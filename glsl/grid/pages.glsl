@@ -3,6 +3,9 @@
 // A page has an apron of one sample, so that interpolation and central differences in its cells need no other page. Beyond the domain the
 // nearest sample stands there.
 //
+// Techniques of stacks have a pool of slices, in which a page lies turned as the stack that it is drawn from; pages of each axis have numbers
+// of their own.
+//
 // Source: Hadwiger et al., Interactive Volume Exploration of Petascale Microscopy Data Streams, 2012 (page table, requests of rays).
 #ifndef PAGES_GLSL
 #define PAGES_GLSL
@@ -10,8 +13,6 @@
 #include "interface.glsl"
 #include "shared/device.glsl"
 #include "shared/integers.glsl"
-#include "shared/interpolated.glsl"
-#include "frame/counts.glsl"
 #include "grid/lattice.glsl"
 #include "grid/ray.glsl"
 
@@ -28,11 +29,6 @@ bool has_missed() {
     return PAGED && missed_page != 0u;
 }
 
-// Returns the steps from page to page of a domain.
-ivec3 page_strides(vec3 half_size, uint axis) {
-    return strides_of(max(ivec3(ceil(2.0 * half_size / float(PAGE) - 1e-3)), ivec3(1)), axis);
-}
-
 // Returns the place of the slot of a page in the pool.
 ivec3 slot_of(uint word) {
     return ivec3(word & 0xffu, word >> 8 & 0xffu, word >> 16 & 0xffu);
@@ -42,13 +38,13 @@ ivec3 slot_of(uint word) {
 vec3 last_page = vec3(-1.0), pool_first;
 
 // Returns the number of a page.
-int page_number(ivec3 page, ivec3 strides) {
-    return page.x * strides.x + page.y * strides.y + page.z * strides.z;
+int page_number(ivec3 page, ivec4 pages) {
+    return pages.w + page.x * pages.x + page.y * pages.y + page.z * pages.z;
 }
 
 // Looks up a page. Returns whether it is held; else notes that it is missed, unless nothing is visible in it.
-bool look_up(ivec3 page, ivec3 strides, out bool hidden) {
-    int number = page_number(page, strides);
+bool look_up(ivec3 page, ivec4 pages, out bool hidden) {
+    int number = page_number(page, pages);
     uint word = page_words[number];
     bool held = (word & PAGE_HELD) != 0u;
     hidden = (word & PAGE_HIDDEN) != 0u;
@@ -57,64 +53,33 @@ bool look_up(ivec3 page, ivec3 strides, out bool hidden) {
     return held;
 }
 
-// Finds the page of the cell at an index of the grid. A cell of a page that shows nothing, and is not held, is found in the apron of a page
-// beside it. Returns whether its samples are held; around the cell (`around`) only where its own page is. Else a page is missed.
-bool find_page(vec3 cell, bool around, ivec3 strides, vec3 last) {
+// Finds the page of a cell. A cell of a page that shows nothing, and is not held, is found in the apron of a page beside it. Returns whether
+// its samples are held; around the cell (`around`) only where its own page is. Else a page is missed.
+bool find_page(vec3 cell, bool around, Lattice lattice) {
     vec3 place = floor(cell / float(PAGE));
     if (place == last_page) return true;
     last_page = vec3(-1.0);
     vec3 local = cell - place * float(PAGE);
-    ivec3 page = whole_of(place), most = ivec3((last - 1.0) / float(PAGE));
+    ivec3 page = whole_of(place), most = ivec3((2.0 * lattice.half_size - 1.0) / float(PAGE));
     ivec3 beside = ivec3(equal(local, vec3(float(PAGE - 1)))) - ivec3(equal(local, vec3(0.0)));
     for (int axes = 0; axes < 8; ++axes) {
         ivec3 chosen = ivec3(axes & 1, axes >> 1 & 1, axes >> 2), other = page + beside * chosen;
         bool hidden, exists = all(notEqual(chosen * abs(beside) - chosen, ivec3(-1))) && other == clamp(other, ivec3(0), most);
         if (!exists) continue;
-        if (look_up(other, strides, hidden)) {
+        if (look_up(other, lattice.pages, hidden)) {
             if (axes == 0) last_page = place;
             else missed_page = 0u;
             return true;
         }
         if (axes == 0 && (around || !hidden)) break;
     }
-    if (missed_page == 0u) missed_page = uint(page_number(page, strides)) + 1u;
+    if (missed_page == 0u) missed_page = uint(page_number(page, lattice.pages)) + 1u;
     return false;
 }
 
-// Interpolates between the eight texels from i to j at one level.
-float between_texels(sampler3D texels, ivec3 i, ivec3 j, vec3 w, int level) {
-    taken_fetches += 8u;
-    float v000 = texelFetch(texels, i, level).r;
-    float v100 = texelFetch(texels, ivec3(j.x, i.y, i.z), level).r;
-    float v010 = texelFetch(texels, ivec3(i.x, j.y, i.z), level).r;
-    float v110 = texelFetch(texels, ivec3(j.x, j.y, i.z), level).r;
-    float v001 = texelFetch(texels, ivec3(i.x, i.y, j.z), level).r;
-    float v101 = texelFetch(texels, ivec3(j.x, i.y, j.z), level).r;
-    float v011 = texelFetch(texels, ivec3(i.x, j.y, j.z), level).r;
-    float v111 = texelFetch(texels, j, level).r;
-    float low = interpolated(interpolated(v000, v100, w.x), interpolated(v010, v110, w.x), w.y);
-    float high = interpolated(interpolated(v001, v101, w.x), interpolated(v011, v111, w.x), w.y);
-    return interpolated(low, high, w.z);
-}
-
-// Returns the stored value at an index of the grid on a page that is held, of which texels of the pool are `first` beyond it. `last` is the
-// greatest index; it interpolates along the axes whose component of `along` is 1, and the others are 0.
-float on_page(sampler3D pool, vec3 index, vec3 first, vec3 along, vec3 last, Lattice lattice) {
-    if (!FILTER_EXACT) {
-        ++taken_fetches;
-        vec3 coordinate = (index + first + 0.5) * lattice.texel;
-        return textureLod(pool, sampled_at(coordinate, vec3(textureSize(pool, 0))), 0.0).r;
-    }
-    vec3 base = min(floor(index), last - along);
-    ivec3 i = whole_of(base + first);
-    return between_texels(pool, i, i + ivec3(along), index - base, 0);
-}
-
-// The same at an offset, of at most a cell along each axis, from an index on whose page it is found. Returns 0 where that page is missed.
-float stored_on_page(sampler3D pool, vec3 index, vec3 offset, vec3 along, vec3 last, Lattice lattice) {
-    bool around = offset != vec3(0.0);
-    if (!find_page(clamp(floor(index), vec3(0.0), last - 1.0), around, lattice.pages, last)) return 0.0;
-    return on_page(pool, clamp(index + offset, vec3(0.0), last), pool_first, along, last, lattice);
+// Finds the page of the cell at an index of the grid, as `find_page`.
+bool is_held(vec3 index, bool around, Lattice lattice) {
+    return find_page(clamp(floor(index), vec3(0.0), 2.0 * lattice.half_size - 1.0), around, lattice);
 }
 
 // Samples of a ray are taken in runs that lie on two pages: between runs they are looked up, in them they are not. That suits invocations that
@@ -139,7 +104,7 @@ float leaves(Ray ray, vec3 page, Lattice lattice) {
 // Finds the pages of a run of samples between two depths: that of the first, and the next one, if that is held. The run ends at `page_until`;
 // at z where the first is missed, or not held and shows nothing.
 void enter_pages(Ray ray, float z, float last, Lattice lattice) {
-    bool held = find_page(cell_at(ray, z, lattice), false, lattice.pages, 2.0 * lattice.half_size) && last_page.x >= 0.0;
+    bool held = find_page(cell_at(ray, z, lattice), false, lattice) && last_page.x >= 0.0;
     run_until = page_until = held ? max(leaves(ray, last_page, lattice), z) : z;
     run_first = pool_first;
     for (uint once = 0u; once < uint(run_until > z && run_until < last); ++once) {
@@ -154,11 +119,33 @@ void enter_pages(Ray ray, float z, float last, Lattice lattice) {
     }
 }
 
-// Returns parameters of reconstruction with those of a pool of pages.
-Lattice with_pool(Lattice lattice, sampler3D pool, vec3 half_size) {
+// Finds the pages of a run of samples, one for each slab from `slab` to before `stop`: the first lies at depth z, and the others follow by h or
+// less each. Returns the slab before which they leave these pages. A run is no longer than a walk, so that invocations which run in lockstep do
+// not wait for the longest; and a walk ends with its run, because the next page may show nothing, and then need not be held.
+float run_on_pages(float slab, float stop, float walk, float z, float h, Ray ray, Lattice lattice) {
+    if (!PAGED || slab >= stop) return stop;
+    stop = min(stop, slab + walk);
+    enter_pages(ray, z, fma(stop - slab, h, z), lattice);
+    return clamp(floor((page_until - z) / h) + slab + 1.0, slab + 1.0, stop);
+}
+
+uint run_on_pages(uint slab, uint stop, uint walk, float z, float h, Ray ray, Lattice lattice) {
+    if (!PAGED) return stop;
+    return uint(run_on_pages(float(slab), float(stop), float(walk), z, h, ray, lattice));
+}
+
+// Returns the place in the pool, beyond an index, of the page of a sample of a run at depth z. Beyond the run any will do.
+vec3 first_in_run(float z) {
+    return z <= run_until ? run_first : pool_first;
+}
+
+// Returns parameters of reconstruction with those of a pool of so many texels: of a volume, or of slices, of whose pages there are `copies`
+// before those of the axis.
+Lattice with_pool(Lattice lattice, ivec3 texels, uint copies) {
     if (!PAGED) return lattice;
-    lattice.pages = page_strides(half_size, 2u);
-    lattice.texel = 1.0 / vec3(textureSize(pool, 0));
+    ivec3 count = max(ivec3(ceil(2.0 * lattice.half_size / float(PAGE) - 1e-3)), ivec3(1));
+    lattice.pages = ivec4(strides_of(count, lattice.axis), int(copies) * count.x * count.y * count.z);
+    lattice.texel = 1.0 / vec3(texels);
     return lattice;
 }
 

@@ -108,12 +108,15 @@ void main() {
     Ray ray = ray_of(gl_FragCoord.xy);
     vec2 piece = slab_piece(slab_in, ray, interval_of(ray, gl_FragCoord.xy), push.py_z0.w, push.d0_h.w);
     float middle = 0.5 * (piece.x + piece.y);
-    blend(slice_emission(ray, piece, middle, float(slab_in), lattice_of_view(true), push.knots), slab_in);
+    blend(slice_emission(ray, piece, middle, float(slab_in), false, lattice_of_view(true), push.knots), slab_in);
 }
 #endif
 
 #ifdef COMPUTE
 #include "grid/march.glsl"
+
+// Whether samples are taken in runs. Surfaces split slabs, and cells of NaN samples are told by the slices beside.
+const bool BESIDE = HAS_NAN && !BETWEEN, RUNS = !LAYERS && !BESIDE;
 
 void main() {
     ivec2 pixel;
@@ -163,12 +166,16 @@ void main() {
             turn = until < interval.y ? clamp(uint(max(passed, 0.0)), turn, last) : last;
             stop = min(turn + walk, last);
         }
-        for (; turn < stop && transmittance > opaque; ++turn) {
+        if (RUNS) {
+            vec2 piece = slab_piece(down ? first_slab - turn : first_slab + turn, ray, interval, z0, h);
+            stop = run_on_pages(turn, stop, walk, 0.5 * (piece.x + piece.y), h * abs(ray.inverse.z), ray, lattice);
+        }
+        for (; turn < stop && transmittance > opaque && !has_missed(); ++turn) {
             uint slab = down ? first_slab - turn : first_slab + turn;
             vec2 piece = slab_piece(slab, ray, interval, z0, h);
             float split = reached;
             bool cut = LAYERS && cut_at_layer(ahead, piece, split, opaque, sum, transmittance);
-            vec4 emission = slice_emission(ray, piece, 0.5 * (piece.x + piece.y), float(slab), lattice, knots);
+            vec4 emission = slice_emission(ray, piece, 0.5 * (piece.x + piece.y), float(slab), RUNS, lattice, knots);
             if (has_missed()) break;
             reached = split;
             if (cut) --turn;

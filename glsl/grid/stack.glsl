@@ -14,28 +14,35 @@
 
 layout(constant_id = SPEC_BETWEEN) const bool BETWEEN = false;
 
+// Slices of the stack; of a grid in pages those of their pool.
 layout(set = 0, binding = BINDING_VOLUME) uniform sampler2DArray stack;
-layout(set = 0, binding = BINDING_POOL) uniform sampler3D pool;
-
-// Returns components in the order of the grid's axes.
-vec3 in_grid(vec3 turned, uint axis) {
-    return axis == 2u ? turned : axis == 0u ? turned.zxy : turned.yzx;
-}
 
 // Returns parameters of reconstruction with those of a pool of pages.
 Lattice of_stack(Lattice lattice) {
-    return with_pool(lattice, pool, in_grid(lattice.half_size, lattice.axis));
+    return with_pool(lattice, textureSize(stack, 0), lattice.axis);
 }
 
-// Interpolates on a slice at one level, with four fetches, around an index of level 0.
-float fetched(vec2 index, int slice, int level) {
+// A texel of the pool is so far beyond the index of the page that samples are read from.
+vec3 page_first;
+
+// Finds the page of samples at an index; with those of slices beside it (`around`) only its own. Returns whether it is held; else it is missed.
+bool has_page(vec3 index, bool around, Lattice lattice) {
+    if (!PAGED) return true;
+    bool held = is_held(index, around, lattice);
+    page_first = pool_first;
+    return held;
+}
+
+// The same for samples at depth z of the ray, which are taken in runs (`enter_pages`) or at will.
+bool has_page_at(float z, bool in_run, vec3 index, Lattice lattice) {
+    if (!PAGED || !in_run) return has_page(index, false, lattice);
+    page_first = first_in_run(z);
+    return true;
+}
+
+// Interpolates between the four texels from i to j on a slice at one level.
+float between_texels(ivec2 i, ivec2 j, vec2 w, int slice, int level) {
     taken_fetches += 4u;
-    vec2 size = vec2(textureSize(stack, level).xy);
-    if (PREFILTER) index = (index + 0.5) * (size / vec2(textureSize(stack, 0).xy)) - 0.5;
-    index = clamp(index, vec2(0.0), size - 1.0);
-    vec2 base = min(floor(index), max(size - 2.0, 0.0));
-    vec2 w = index - base;
-    ivec2 i = whole_of(base), j = min(i + 1, ivec2(size) - 1);
     float v00 = texelFetch(stack, ivec3(i, slice), level).r;
     float v10 = texelFetch(stack, ivec3(j.x, i.y, slice), level).r;
     float v01 = texelFetch(stack, ivec3(i.x, j.y, slice), level).r;
@@ -43,17 +50,34 @@ float fetched(vec2 index, int slice, int level) {
     return interpolated(interpolated(v00, v10, w.x), interpolated(v01, v11, w.x), w.y);
 }
 
-// Returns the stored value at an offset, in slices, from an index, from the page of the index; `between` slices, or on one.
-float in_pages(vec3 index, float slices, bool between, Lattice lattice) {
-    vec3 last = in_grid(2.0 * lattice.half_size, lattice.axis);
-    vec3 offset = in_grid(vec3(0.0, 0.0, slices), lattice.axis);
-    vec3 along = in_grid(vec3(1.0, 1.0, float(between)), lattice.axis);
-    return stored_on_page(pool, in_grid(index, lattice.axis), offset, along, last, lattice);
+// Interpolates on a slice at one level around an index of level 0.
+float fetched(vec2 index, int slice, int level) {
+    vec2 size = vec2(textureSize(stack, level).xy);
+    if (PREFILTER) index = (index + 0.5) * (size / vec2(textureSize(stack, 0).xy)) - 0.5;
+    index = clamp(index, vec2(0.0), size - 1.0);
+    vec2 base = min(floor(index), max(size - 2.0, 0.0));
+    ivec2 i = whole_of(base);
+    return between_texels(i, min(i + 1, ivec2(size) - 1), index - base, slice, level);
 }
 
-// Returns the stored value on a slice, bilinear.
+// Returns the stored value on a slice, of the page that has been found.
+float on_page(vec2 index, float slice, Lattice lattice) {
+    slice += page_first.z;
+    if (!FILTER_EXACT) {
+        ++taken_fetches;
+        vec3 coordinate = vec3((index + page_first.xy + 0.5) * lattice.texel.xy, 0.5);
+        return textureLod(stack, vec3(sampled_at(coordinate, vec3(textureSize(stack, 0).xy, 1.0)).xy, slice), 0.0).r;
+    }
+    vec2 last = 2.0 * lattice.half_size.xy;
+    index = clamp(index, vec2(0.0), last);
+    vec2 base = min(floor(index), last - 1.0);
+    ivec2 i = whole_of(base + page_first.xy);
+    return between_texels(i, i + 1, index - base, whole_of(slice), 0);
+}
+
+// Returns the stored value on a slice, bilinear; of a grid in pages its page has been found.
 float on_slice(vec2 index, float slice, float level, Lattice lattice) {
-    if (PAGED) return in_pages(vec3(index, slice), 0.0, false, lattice);
+    if (PAGED) return on_page(index, slice, lattice);
     if (!FILTER_EXACT) {
         ++taken_fetches;
         vec2 coordinate = (index + 0.5) / (2.0 * lattice.half_size.xy + 1.0);
@@ -67,9 +91,8 @@ float on_slice(vec2 index, float slice, float level, Lattice lattice) {
     return level == float(below) ? fine : interpolated(fine, fetched(index, whole_of(slice), below + 1), level - float(below));
 }
 
-// Returns the stored value at an index, trilinear: it interpolates between two slices.
+// Returns the stored value at an index, trilinear: it interpolates between two slices. Of a grid in pages its page has been found.
 float between_slices(vec3 index, float level, Lattice lattice) {
-    if (PAGED) return in_pages(index, 0.0, true, lattice);
     float last = 2.0 * lattice.half_size.z;
     float place = clamp(index.z, 0.0, last);
     float slice = max(min(floor(place), last - 1.0), 0.0);
@@ -77,24 +100,26 @@ float between_slices(vec3 index, float level, Lattice lattice) {
                place - slice);
 }
 
-// Returns the stored value at depth z of the ray, on a slice or (BETWEEN) between two; NaN in a cell that touches a NaN sample.
-float stored_at(Ray ray, float z, float slice, Lattice lattice) {
+// Returns the stored value at depth z of the ray, on a slice or (BETWEEN) between two; NaN in a cell that touches a NaN sample, 0 where its page
+// is missed.
+float stored_at(Ray ray, float z, float slice, bool in_run, Lattice lattice) {
     ++taken_samples;
     vec3 index = fma(vec3(z), ray.d, ray.q) + lattice.half_size;
     float level = PREFILTER ? level_at(z, lattice) : 0.0;
-    if (!BETWEEN) return on_slice(index.xy, slice, level, lattice);
-    return between_slices(index, level, lattice);
+    if (!BETWEEN) index.z = slice;
+    if (!has_page_at(z, in_run, index, lattice)) return 0.0;
+    return BETWEEN ? between_slices(index, level, lattice) : on_slice(index.xy, slice, level, lattice);
 }
 
 // Returns the stored value on the slice `step` beyond a slice, or on that itself at the end of the stack.
 float beside_slice(vec2 index, float slice, float step, Lattice lattice) {
-    if (PAGED) return in_pages(vec3(index, slice), step, false, lattice);
+    if (!has_page(vec3(index, slice), true, lattice)) return 0.0;
     return on_slice(index, clamp(slice + step, 0.0, 2.0 * lattice.half_size.z), 0.0, lattice);
 }
 
 // Returns premultiplied colour and opacity of a piece of the ray, classified on its slice at depth z.
-vec4 slice_emission(Ray ray, vec2 piece, float z, float slice, Lattice lattice, uint knots) {
-    float texel = stored_at(ray, z, slice, lattice);
+vec4 slice_emission(Ray ray, vec2 piece, float z, float slice, bool in_run, Lattice lattice, uint knots) {
+    float texel = stored_at(ray, z, slice, in_run, lattice);
     vec4 optics = classify(scalar_of(texel, lattice), knots);
     float tau = HAS_NAN && is_nan(texel) ? 0.0 : optics.a;
     float len = max(piece.y - piece.x, 0.0);

@@ -13,7 +13,23 @@ layout(set = 0, binding = BINDING_VOLUME) uniform sampler3D volume;
 
 Lattice load_lattice() {
     Lattice lattice = lattice_of_view(false);
-    return with_pool(lattice, volume, lattice.half_size);
+    return with_pool(lattice, textureSize(volume, 0), 0u);
+}
+
+// Interpolates between the eight texels from i to j at one level.
+float between_texels(ivec3 i, ivec3 j, vec3 w, int level) {
+    taken_fetches += 8u;
+    float v000 = texelFetch(volume, i, level).r;
+    float v100 = texelFetch(volume, ivec3(j.x, i.y, i.z), level).r;
+    float v010 = texelFetch(volume, ivec3(i.x, j.y, i.z), level).r;
+    float v110 = texelFetch(volume, ivec3(j.x, j.y, i.z), level).r;
+    float v001 = texelFetch(volume, ivec3(i.x, i.y, j.z), level).r;
+    float v101 = texelFetch(volume, ivec3(j.x, i.y, j.z), level).r;
+    float v011 = texelFetch(volume, ivec3(i.x, j.y, j.z), level).r;
+    float v111 = texelFetch(volume, j, level).r;
+    float low = interpolated(interpolated(v000, v100, w.x), interpolated(v010, v110, w.x), w.y);
+    float high = interpolated(interpolated(v001, v101, w.x), interpolated(v011, v111, w.x), w.y);
+    return interpolated(low, high, w.z);
 }
 
 // Interpolates at one level around an index of level 0.
@@ -23,13 +39,27 @@ float fetched(vec3 index, int level) {
     index = clamp(index, vec3(0.0), size - 1.0);
     vec3 base = min(floor(index), max(size - 2.0, 0.0));
     ivec3 i = whole_of(base);
-    return between_texels(volume, i, min(i + 1, ivec3(size) - 1), index - base, level);
+    return between_texels(i, min(i + 1, ivec3(size) - 1), index - base, level);
 }
 
-// Returns the stored value at an offset from a position, from the position's page.
+// Returns the stored value at an index of the grid on a page that is held, of which texels of the pool are `first` beyond it.
+float on_page(vec3 index, vec3 first, Lattice lattice) {
+    if (!FILTER_EXACT) {
+        ++taken_fetches;
+        vec3 coordinate = (index + first + 0.5) * lattice.texel;
+        return textureLod(volume, sampled_at(coordinate, vec3(textureSize(volume, 0))), 0.0).r;
+    }
+    vec3 base = min(floor(index), 2.0 * lattice.half_size - 1.0);
+    ivec3 i = whole_of(base + first);
+    return between_texels(i, i + 1, index - base, 0);
+}
+
+// Returns the stored value at an offset, of at most a cell along each axis, from a position, from the position's page; 0 where that is missed.
 float in_pages(vec3 position, vec3 offset, Lattice lattice) {
     ++taken_samples;
-    return stored_on_page(volume, position + lattice.half_size, offset, vec3(1.0), 2.0 * lattice.half_size, lattice);
+    vec3 index = position + lattice.half_size;
+    if (!is_held(index, offset != vec3(0.0), lattice)) return 0.0;
+    return on_page(clamp(index + offset, vec3(0.0), 2.0 * lattice.half_size), pool_first, lattice);
 }
 
 // Returns the stored value at a position, at a mip level; NaN in a cell that touches a NaN sample.
@@ -63,15 +93,14 @@ float stored_at(Ray ray, float z, Lattice lattice) {
 float stored_in_run(Ray ray, float z, Lattice lattice) {
     if (!PAGED) return stored_at(ray, z, lattice);
     ++taken_samples;
-    vec3 last = 2.0 * lattice.half_size, first = z <= run_until ? run_first : pool_first;
+    vec3 first = first_in_run(z);
     if (!FILTER_EXACT) {
-        // Beyond the run any texel will do.
         ++taken_fetches;
         vec3 coordinate = (fma(vec3(z), ray.d, ray.q) + (lattice.half_size + 0.5 + first)) * lattice.texel;
         return textureLod(volume, sampled_at(coordinate, vec3(textureSize(volume, 0))), 0.0).r;
     }
-    vec3 index = clamp(fma(vec3(min(z, page_until)), ray.d, ray.q) + lattice.half_size, vec3(0.0), last);
-    return on_page(volume, index, first, vec3(1.0), last, lattice);
+    vec3 index = clamp(fma(vec3(min(z, page_until)), ray.d, ray.q) + lattice.half_size, vec3(0.0), 2.0 * lattice.half_size);
+    return on_page(index, first, lattice);
 }
 
 #endif

@@ -49,7 +49,7 @@ vec2 domain_of(Ray ray) {
 
 Lattice load_lattice() {
     vec3 half_size = push.half_scale.xyz;
-    return Lattice(half_size, push.value_scale, push.value_offset, 0.0, 0.0, 0.0, push.order & MARCH_AXIS, ivec3(0), vec3(0.0));
+    return Lattice(half_size, push.value_scale, push.value_offset, 0.0, 0.0, 0.0, push.order & MARCH_AXIS, ivec4(0), vec3(0.0));
 }
 
 #endif

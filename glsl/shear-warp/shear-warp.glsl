@@ -53,16 +53,21 @@ float slice_of(float slab, Slices slices) {
 
 layout(constant_id = SPEC_EVERY) const bool EVERY = false;
 
+// Returns the depth of the sample that represents a piece of a slab.
+float sample_of(vec2 piece, float slab, float z0, float h) {
+    if (!EVERY || BETWEEN) return 0.5 * (piece.x + piece.y);
+    return min(max(fma(slab + 0.5, h, z0), piece.x), max(piece.x, piece.y));
+}
+
 // Returns premultiplied colour and opacity of a slab on the ray, classified on its slice at the depth of the piece's middle. A slab
 // of several slices (EVERY) may be clipped far from its middle: then the depth is the one nearest to the slab's middle within the
 // piece, and the slice is the one nearest there.
-vec4 slab_emission(Ray ray, vec2 piece, float slab, float z0, float h, Slices slices, Lattice lattice, uint knots) {
-    float z = 0.5 * (piece.x + piece.y), slice = slice_of(slab, slices);
+vec4 slab_emission(Ray ray, vec2 piece, float slab, float z0, float h, Slices slices, bool in_run, Lattice lattice, uint knots) {
+    float z = sample_of(piece, slab, z0, h), slice = slice_of(slab, slices);
     if (EVERY && !BETWEEN) {
-        z = min(max(fma(slab + 0.5, h, z0), piece.x), max(piece.x, piece.y));
         slice = clamp(floor(fma(z, ray.d.z, lattice.half_size.z) + 0.5), 0.0, slices.last);
     }
-    return slice_emission(ray, piece, z, slice, lattice, knots);
+    return slice_emission(ray, piece, z, slice, in_run, lattice, knots);
 }
 
 // Returns the part of a slab within `interval`, as depths; empty where x >= y.
@@ -70,14 +75,14 @@ vec2 slab_piece(float slab, float z0, float h, vec2 interval) {
     return vec2(max(fma(slab, h, z0), interval.x), min(fma(slab + 1.0, h, z0), interval.y));
 }
 
-// Returns the stored value at depth z of the ray, trilinear; on a slice itself it reads that slice only.
-float stored_at(Ray ray, float z, Lattice lattice) {
+// Returns the stored value at depth z of the ray, trilinear, 0 where its page is missed; on a slice itself it reads that slice only.
+float stored_at(Ray ray, float z, bool in_run, Lattice lattice) {
     ++taken_samples;
     vec3 index = fma(vec3(z), ray.d, ray.q) + lattice.half_size;
     float last = 2.0 * lattice.half_size.z;
     float place = clamp(index.z, 0.0, last);
     float slice = floor(place), share = place - slice;
-    if (PAGED) return in_pages(vec3(index.xy, place), 0.0, share > 0.0, lattice);
+    if (!has_page_at(z, in_run, vec3(index.xy, place), lattice)) return 0.0;
     float texel = on_slice(index.xy, slice, 0.0, lattice);
     // A loop, because software rasterisers execute branches that no invocation takes.
     for (uint once = 0u; once < uint(share > 0.0); ++once) {
@@ -152,10 +157,10 @@ void main() {
     vec2 piece = slab_piece(float(slab_in), push.z0, push.h, interval);
     vec4 emission = vec4(0.0);
     if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
-        emission = slab_emission(ray, piece, float(slab_in), push.z0, push.h, load_slices(), lattice, push.knots);
+        emission = slab_emission(ray, piece, float(slab_in), push.z0, push.h, load_slices(), false, lattice, push.knots);
     } else if (piece.x < piece.y) {
-        Face front = face_of(stored_at(ray, piece.x, lattice), lattice);
-        Face back = face_of(stored_at(ray, piece.y, lattice), lattice);
+        Face front = face_of(stored_at(ray, piece.x, false, lattice), lattice);
+        Face back = face_of(stored_at(ray, piece.y, false, lattice), lattice);
         emission = between_faces(front, back, (piece.y - piece.x) * ray.length_per_depth, push.knots);
     }
     colour = emission;
@@ -168,6 +173,9 @@ void main() {
 #include "grid/resume.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
+
+// Whether samples are taken in runs. Cells of NaN samples are told by the slices beside.
+const bool BESIDE = HAS_NAN && !BETWEEN, RUNS = !BESIDE || INTEGRATOR != INTEGRATOR_MIDPOINT;
 
 #ifdef EDGE
 layout(set = 0, binding = BINDING_ACCUMULATION, rgba32f) uniform image2D accumulation;
@@ -250,32 +258,34 @@ void main() {
     float transmittance;
     vec4 sum = unpacked_state(resumes ? load_state(texel) : vec4(0.0), transmittance);
     if (PAGED) transmittance = before.transmittance;
-    uint known = UNKNOWN;
+    uint known = PAGED && slab == float(before.slab) ? before.front : UNKNOWN;
     while (slab < last && transmittance > opaque && !has_missed()) {
-        float stop = last;
+        float from = slab, stop = last;
         if (EMPTY_SPACE) {
             float until = empty_until(ray, slab_piece(slab, z0, h, interval).x, interval.y, brick_grid);
             // Skip whole slabs only.
             slab = until < interval.y ? clamp(floor((until - z0) / h), slab, last) : last;
             stop = min(slab + walk, last);
         }
+        vec2 first = slab_piece(slab, z0, h, interval);
         if (INTEGRATOR == INTEGRATOR_MIDPOINT) {
-            for (; slab < stop && transmittance > opaque; slab += 1.0) {
+            if (RUNS) stop = run_on_pages(slab, stop, walk, sample_of(first, slab, z0, h), h, ray, lattice);
+            for (; slab < stop && transmittance > opaque && !has_missed(); slab += 1.0) {
                 vec2 piece = slab_piece(slab, z0, h, interval);
-                vec4 emission = slab_emission(ray, piece, slab, z0, h, slices, lattice, knots);
+                vec4 emission = slab_emission(ray, piece, slab, z0, h, slices, RUNS, lattice, knots);
                 if (has_missed()) break;
                 add_behind(sum, transmittance, emission);
             }
         } else {
-            known = UNKNOWN;
-            bool knows_front = PAGED && slab == float(before.slab) && before.front != UNKNOWN;
-            float value = knows_front ? uintBitsToFloat(before.front) : stored_at(ray, slab_piece(slab, z0, h, interval).x, lattice);
+            if (slab != from) known = UNKNOWN;
+            float value = known != UNKNOWN ? uintBitsToFloat(known) : stored_at(ray, first.x, false, lattice);
             if (has_missed()) break;
             known = floatBitsToUint(value);
             Face front = face_of(value, lattice);
-            for (; slab < stop && transmittance > opaque; slab += 1.0) {
+            if (RUNS) stop = run_on_pages(slab, stop, walk, first.y, h, ray, lattice);
+            for (; slab < stop && transmittance > opaque && !has_missed(); slab += 1.0) {
                 vec2 piece = slab_piece(slab, z0, h, interval);
-                Face back = face_of(stored_at(ray, piece.y, lattice), lattice);
+                Face back = face_of(stored_at(ray, piece.y, RUNS, lattice), lattice);
                 if (has_missed()) break;
                 if (piece.x < piece.y) {
                     float len = (piece.y - piece.x) * ray.length_per_depth;

@@ -72,19 +72,19 @@ impl Gpu {
                 unsafe { device.cmd_copy_buffer_to_image(raw, buffer.raw, image.raw, layout, &[region]) };
             }
             Work::CopyBufferToCubes { buffer, image, side, cubes } => {
-                let extent = vk::Extent3D { width: *side, height: *side, depth: *side };
                 let region = |&(offset, corner): &(u64, [u32; 3])| {
-                    let [x, y, z] = corner.map(|place| i32::try_from(place).unwrap_or(i32::MAX));
+                    let [x, y] = [corner[0], corner[1]].map(|place| i32::try_from(place).unwrap_or(i32::MAX));
+                    let part = image_region(image, 0, [corner[2], *side]);
                     vk::BufferImageCopy {
                         buffer_offset: offset,
-                        image_offset: vk::Offset3D { x, y, z },
-                        image_extent: extent,
-                        ..image_region(image, 0, [0, 1])
+                        image_offset: vk::Offset3D { x, y, ..part.image_offset },
+                        image_extent: vk::Extent3D { width: *side, height: *side, ..part.image_extent },
+                        ..part
                     }
                 };
                 let regions: Vec<_> = cubes.iter().map(region).collect();
                 let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
-                // SAFETY: the buffer holds a cube from each offset on, a multiple of 4, and the volume has them; there is one; barriers order
+                // SAFETY: the buffer holds a cube from each offset on, a multiple of 4, and the image has them; there is one; barriers order
                 // layouts and accesses.
                 unsafe { device.cmd_copy_buffer_to_image(raw, buffer.raw, image.raw, layout, &regions) };
             }

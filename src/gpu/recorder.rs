@@ -267,7 +267,7 @@ impl<'a> Recorder<'a> {
         self.step(name, Work::CopyBuffer { from: Arc::clone(from), to: Arc::clone(to), parts });
     }
 
-    /// Adds a copy of parts of a buffer, from offsets on, to cubes of a volume.
+    /// Adds a copy of parts of a buffer, from offsets on, to cubes of an image: of a volume, or of as many layers of an array.
     pub(crate) fn copy_buffer_to_cubes(
         &mut self,
         name: &str,

@@ -60,8 +60,8 @@ struct GridData {
 /// Data that depends on the transfer function and the longest segment.
 #[derive(Clone, Debug, Default)]
 struct Tables {
-    /// A texel of a volume, or of a stack, for bindings that a variant of a shader leaves alone.
-    nothing: Cache<bool, Arc<Image>>,
+    /// A texel of a volume, for bindings that a variant of a shader leaves alone.
+    nothing: Cache<(), Arc<Image>>,
     knots: Cache<(), Arc<Knots>>,
     tables: Cache<SegmentOptions, Option<Arc<Table>>>,
 }
@@ -363,7 +363,7 @@ impl GpuScene {
     pub(crate) fn pages_of(&self, layout: Layout, for_filter: bool, mip: bool) -> Result<Option<Form>> {
         let grid = self.grid()?;
         let form = Form::new(&self.gpu, grid, layout, for_filter, mip)?;
-        let pages = Form::new(&self.gpu, grid, Layout::Volume, for_filter, false)?;
+        let pages = Form::of_pages(&self.gpu, grid, layout, for_filter)?;
         if grid.is_on_demand() || self.gpu.page_pool().is_some() {
             return Ok(Some(pages));
         }
@@ -424,15 +424,15 @@ impl GpuScene {
         let table = match (table.as_ref().and_then(|table| table.image.as_ref()), unread) {
             (Some(image), _) => image.sampled(filter),
             (None, Some(unread)) => unread,
-            (None, None) => self.nothing(false)?,
+            (None, None) => self.nothing()?,
         };
         let (integrator, placed) = (options.integrator.code(), matches!(self.scene.mode, Mode::Lit(_)));
         Ok(Segments { table, table_head, integrator, table_filter, placed })
     }
 
-    /// Returns a texel of a volume, or of a stack, for bindings that a variant of a shader leaves alone.
-    pub(crate) fn nothing(&self, stack: bool) -> Result<Sampled> {
-        let image = self.tables.nothing.get(stack, || Table::nothing(&self.gpu, stack))?;
+    /// Returns a texel of a volume, for bindings that a variant of a shader leaves alone.
+    fn nothing(&self) -> Result<Sampled> {
+        let image = self.tables.nothing.get((), || Table::nothing(&self.gpu))?;
         Ok(image.sampled(vk::Filter::NEAREST))
     }
 

@@ -67,13 +67,14 @@ pub(crate) struct PagePool {
     /// The image of the slots.
     pub(crate) volume: Arc<Volume>,
     slots: [u32; 3],
+    /// Pages along each axis. Number them x fastest; the copies of all pages (`Form::copies`) follow each other.
     pages: [u32; 3],
     state: Mutex<State>,
 }
 
 #[derive(Debug)]
 struct State {
-    /// For each page 1 and its slot; 0 where it is not held.
+    /// For each page of each copy 1 and its slot; 0 where it is not held.
     slot_of: Vec<u32>,
     /// The page in each slot.
     page_in: Vec<Option<u32>>,
@@ -190,9 +191,11 @@ impl PagePool {
         }
         let page_bytes = num::wide(form.page_bytes().next_multiple_of(4));
         let volume_of = |bytes: u64| {
-            let most = u32::try_from(bytes / page_bytes).unwrap_or(u32::MAX).clamp(1, product(pages));
-            let slots = slots_of(most, gpu.limits().max_image_dimension3_d / PAGE_TEXELS)
-                .ok_or_else(|| Error::unsupported("pages", "3D images are too small for one page"))?;
+            let most = u32::try_from(bytes / page_bytes)
+                .unwrap_or(u32::MAX)
+                .clamp(1, product(pages) * form.copies());
+            let slots = slots_of(most, form.pool_sides(gpu).map(|side| side / PAGE_TEXELS))
+                .ok_or_else(|| Error::unsupported("pages", "images are too small for one page"))?;
             Ok((slots, Volume::pool(gpu, grid, form, slots)?))
         };
         // Drivers pad images, and may refuse one allocation of as many bytes as the budget has.
@@ -212,7 +215,7 @@ impl PagePool {
         let staging = Buffer::new(gpu, "pages (staging)", batch.max(1) * page_bytes, BufferUse::Upload)?;
         let count = num::index(product(pages));
         let state = State {
-            slot_of: vec![0; count],
+            slot_of: vec![0; count * num::index(form.copies())],
             page_in: vec![None; num::index(product(slots))],
             bricks_in: vec![Vec::new(); num::index(product(slots))],
             ranges: vec![None; count],
@@ -226,9 +229,19 @@ impl PagePool {
         Ok(Arc::new(Self { gpu, grid, ends, form, volume, slots, pages, state: Mutex::new(state) }))
     }
 
-    /// Returns the number of pages of the grid.
+    /// Returns the number of pages of all copies.
     pub(crate) fn pages(&self) -> u32 {
-        product(self.pages)
+        product(self.pages) * self.form.copies()
+    }
+
+    /// Returns the number that a page has in the first copy.
+    fn in_first(&self, page: u32) -> u32 {
+        page % product(self.pages)
+    }
+
+    /// Returns the place of a page in the grid.
+    fn place(&self, page: u32) -> [u32; 3] {
+        place_of(self.in_first(page), self.pages)
     }
 
     /// Makes the page table of a transfer function.
@@ -260,24 +273,24 @@ impl PagePool {
 
     /// Tells the bricks of a page that is held, or in which nothing is visible.
     fn tell(&self, state: &State, telling: &Telling, codes: &mut Codes, page: u32) {
-        let first = place_of(page, self.pages).map(|place| place * PAGE_BRICKS);
+        let first = self.place(page).map(|place| place * PAGE_BRICKS);
         let at = num::index(page);
         if let Some(slot) = state.slot_of[at].checked_sub(1) {
             let ranges = &state.bricks_in[num::index(slot)];
             codes.set(first, [PAGE_BRICKS; 3], |brick| telling.code(ranges[brick]));
-        } else if Self::hides(state, telling, page) {
+        } else if self.hides(state, telling, page) {
             codes.set(first, [PAGE_BRICKS; 3], |_| 0);
         }
     }
 
     /// Returns whether it is known that nothing is visible in a page.
-    fn hides(state: &State, telling: &Telling, page: u32) -> bool {
-        state.ranges[num::index(page)].is_some_and(|range| telling.hides(range))
+    fn hides(&self, state: &State, telling: &Telling, page: u32) -> bool {
+        state.ranges[num::index(self.in_first(page))].is_some_and(|range| telling.hides(range))
     }
 
     /// Returns the word of a page.
     fn word(&self, state: &State, telling: &Telling, page: u32) -> u32 {
-        let hidden = if Self::hides(state, telling, page) { PAGE_HIDDEN } else { 0 };
+        let hidden = if self.hides(state, telling, page) { PAGE_HIDDEN } else { 0 };
         let held = state.slot_of[num::index(page)].checked_sub(1).map_or(0, |slot| {
             let [x, y, z] = place_of(slot, self.slots);
             PAGE_HELD | x | y << 8 | z << 16
@@ -291,31 +304,33 @@ impl PagePool {
     }
 
     /// Loads pages that rays miss, in the order in which rays meet them, as far as there are slots; those that rays have passed, and then
-    /// those beyond what there is room for, make room. Returns whether a page is held now that was not. Submits and waits.
+    /// those beyond what there is room for, make room; before them those of copies that are not `drawn`. Returns whether a page is held now that
+    /// was not. Submits and waits.
     ///
     /// Frames in flight are not disturbed: the submission waits for those before it on the queue.
-    pub(crate) fn load(&self, wanted: &[u32], order: &PageOrder) -> Result<bool> {
+    pub(crate) fn load(&self, wanted: &[u32], order: &PageOrder, drawn: &[u32]) -> Result<bool> {
         let mut state = self.state();
         let state = &mut *state;
-        let layer = |page: u32| order.layer(place_of(page, self.pages));
+        let layer = |page: u32| order.layer(self.place(page));
         let mut wanted: Vec<u32> =
             wanted.iter().copied().filter(|&page| state.slot_of.get(num::index(page)) == Some(&0)).collect();
-        wanted.sort_by_key(|&page| (layer(page), page));
+        wanted.sort_by_key(|&page| (layer(page), self.in_first(page), page));
         wanted.dedup();
         let Some(&first) = wanted.first() else { return Ok(false) };
         let first = layer(first);
         // Only as many layers as there is room for: then no page leaves that a ray still needs, and each is read once.
-        let last = order.last(first, product(self.slots));
+        let last = order.last(first, product(self.slots) / num::count(drawn.len()).max(1));
         wanted.retain(|&page| layer(page) <= last);
 
-        // Slots in the order in which they are given up: free ones, those of pages that all rays have passed, hidden ones before others, those
-        // behind, the farthest first.
+        // Slots in the order in which they are given up: free ones, those of copies that are not drawn, those of pages that all rays have passed,
+        // hidden ones before others, those behind, the farthest first.
         let tables: Vec<_> = state.tables.iter().filter_map(Weak::upgrade).collect();
         let rank = |page: u32| match layer(page) {
+            _ if !drawn.contains(&(page / product(self.pages))) => Some((0, 1)),
             at if at > last => Some((3, -at)),
             at if at > first => None,
             at => {
-                let hides = |table: &Arc<PageTable>| Self::hides(state, &table.telling, page);
+                let hides = |table: &Arc<PageTable>| self.hides(state, &table.telling, page);
                 Some((if tables.iter().all(hides) { 1 } else { 2 }, at))
             }
         };
@@ -328,16 +343,16 @@ impl PagePool {
 
         let batch = num::usize_of_u64(state.staging.size()) / self.page_bytes();
         for pairs in pairs.chunks(batch.max(1)) {
-            let read = |&(number, slot): &(u32, u32)| Ok((self.read_page(number)?, slot));
-            let pages = pairs.par_iter().map(read).collect::<Result<Vec<_>>>()?;
-            let mut loaded = Vec::new();
-            for (page, slot) in pages {
+            let of_one_page: Vec<_> =
+                pairs.chunk_by(|a, b| self.in_first(a.0) == self.in_first(b.0)).collect();
+            let read = |pairs: &&[(u32, u32)]| self.read_copies(pairs);
+            let pages = of_one_page.par_iter().map(read).collect::<Result<Vec<_>>>()?;
+            for (page, _) in pages.iter().filter_map(|copies| copies.first()) {
                 state.read[0] += num::wide(page.texels.len());
                 state.read[1] += 1;
-                state.ranges[num::index(page.number)] = Some(page.range());
-                loaded.push((page, slot));
+                state.ranges[num::index(self.in_first(page.number))] = Some(page.range());
             }
-            self.upload(state, loaded)?;
+            self.upload(state, pages.into_iter().flatten().collect())?;
         }
         Ok(!pairs.is_empty())
     }
@@ -347,13 +362,25 @@ impl PagePool {
         self.form.page_bytes().next_multiple_of(4)
     }
 
-    fn read_page(&self, number: u32) -> Result<Page> {
-        let first = place_of(number, self.pages).map(|place| i64::from(place) * i64::from(PAGE) - 1);
+    /// Reads a page once for all of its copies that come to slots.
+    fn read_copies(&self, copies: &[(u32, u32)]) -> Result<Vec<(Page, u32)>> {
+        let Some(&(number, _)) = copies.first() else { return Ok(Vec::new()) };
+        let first = self.place(number).map(|place| i64::from(place) * i64::from(PAGE) - 1);
         let samples = self.grid.cube(first, PAGE_TEXELS)?;
         let bricks = page_ranges(&self.grid, &samples);
-        let mut texels = vec![0; self.form.page_bytes()];
-        self.form.encode(&self.grid, self.ends, &samples, &mut texels);
-        Ok(Page { number, texels, bricks })
+        let copy = |&(number, slot): &(u32, u32)| {
+            let samples = self.form.turned_page(&samples, number / product(self.pages));
+            let mut texels = vec![0; self.form.page_bytes()];
+            self.form.encode(&self.grid, self.ends, &samples, &mut texels);
+            (Page { number, texels, bricks: bricks.clone() }, slot)
+        };
+        Ok(copies.iter().map(copy).collect())
+    }
+
+    /// Returns the numbers of all copies of a page.
+    fn copies(&self, page: u32) -> impl Iterator<Item = u32> + use<> {
+        let (first, all) = (self.in_first(page), product(self.pages));
+        (0..self.form.copies()).map(move |copy| first + copy * all)
     }
 
     /// Puts pages into slots, and changes the tables.
@@ -365,7 +392,8 @@ impl PagePool {
         let mut places = memory.chunks_exact_mut(self.page_bytes());
         let (mut cubes, mut filled) = (Vec::new(), Vec::new());
         for (page, slot) in pages {
-            state.changed.push(page.number);
+            // What one of them tells to be hidden, all do.
+            state.changed.extend(self.copies(page.number));
             let Some(place) = places.next() else { break };
             place[..page.texels.len()].copy_from_slice(&page.texels);
             let corner = place_of(slot, self.slots).map(|place| place * PAGE_TEXELS);
@@ -404,7 +432,7 @@ impl PagePool {
             // Pages that leave keep the codes of their bricks.
             for &page in state.changed.iter().filter(|&&page| state.slot_of[num::index(page)] != 0) {
                 self.tell(state, &table.telling, &mut codes, page);
-                for span in codes.words_of_page(place_of(page, self.pages)) {
+                for span in codes.words_of_page(self.place(page)) {
                     bricks.push([words.len(), span.start, span.len()].map(|n| 4 * num::wide(n)));
                     words.extend(&codes.words[span]);
                 }
@@ -439,13 +467,13 @@ impl PagePool {
     }
 }
 
-/// Returns the slots along each axis of a pool: at most `most` in all and `side` along an axis, as near to a cube as they can be; `None` where
-/// there is none.
-fn slots_of(most: u32, side: u32) -> Option<[u32; 3]> {
-    let side = side.min(MOST_SLOTS);
-    let x = (1..=side).take_while(|&n| n.saturating_pow(3) <= most).last()?;
-    let y = (x..=side).take_while(|&n| x.saturating_mul(n).saturating_mul(n) <= most).last().unwrap_or(x);
-    Some([x, y, (most / (x * y)).min(side)])
+/// Returns the slots along each axis of a pool: at most `most` in all and so many along each axis, as near to a cube as they can be; `None`
+/// where there is none.
+fn slots_of(most: u32, sides: [u32; 3]) -> Option<[u32; 3]> {
+    let [across, rows, planes] = sides.map(|side| side.min(MOST_SLOTS));
+    let z = (1..=planes).take_while(|&n| n.saturating_pow(3) <= most).last()?;
+    let y = (1..=rows).take_while(|&n| z.saturating_mul(n).saturating_mul(n) <= most).last()?;
+    Some([(most / (z * y)).min(across), y, z]).filter(|slots| slots[0] > 0)
 }
 
 #[cfg(test)]
@@ -454,15 +482,17 @@ mod tests {
 
     #[test]
     fn slots_fill_a_box_within_the_limits() {
-        assert_eq!(slots_of(1, 30), Some([1, 1, 1]));
-        assert_eq!(slots_of(7, 30), Some([1, 2, 3]));
-        assert_eq!(slots_of(3500, 30), Some([15, 15, 15]));
-        assert_eq!(slots_of(1 << 30, 30), Some([30; 3]));
-        assert_eq!(slots_of(5, 0), None);
+        assert_eq!(slots_of(1, [30; 3]), Some([1, 1, 1]));
+        assert_eq!(slots_of(7, [30; 3]), Some([3, 2, 1]));
+        assert_eq!(slots_of(3500, [30; 3]), Some([15, 15, 15]));
+        assert_eq!(slots_of(1 << 30, [30; 3]), Some([30; 3]));
+        assert_eq!(slots_of(5, [0; 3]), None);
+        assert_eq!(slots_of(5000, [90, 90, 7]), Some([27, 26, 7]));
+        assert_eq!(slots_of(5, [2, 3, 4]), Some([2, 2, 1]));
         for most in 1..3000 {
-            let [x, y, z] = slots_of(most, 64).unwrap();
+            let [x, y, z] = slots_of(most, [64; 3]).unwrap();
             assert!(
-                x * y * z <= most && 4 * x * y * z >= 3 * most.min(8) && z <= 3 * x.max(2),
+                x * y * z <= most && 4 * x * y * z >= 3 * most.min(8) && x <= 3 * z.max(2),
                 "{most}: {x} {y} {z}"
             );
         }

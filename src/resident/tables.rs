@@ -124,10 +124,9 @@ impl Table {
         Ok(Some(Arc::new(Self { buffer, image })))
     }
 
-    /// Uploads a texel of a volume or of a stack, for bindings that a variant of a shader leaves alone.
-    pub(crate) fn nothing(gpu: &Gpu, stack: bool) -> Result<Arc<Image>> {
-        let volume = ImageDesc::sampled_volume(TABLE_FORMAT, [1; 3]);
-        let desc = if stack { ImageDesc::sampled_stack(TABLE_FORMAT, [1; 2], 2) } else { volume };
+    /// Uploads a texel of a volume, for bindings that a variant of a shader leaves alone.
+    pub(crate) fn nothing(gpu: &Gpu) -> Result<Arc<Image>> {
+        let desc = ImageDesc::sampled_volume(TABLE_FORMAT, [1; 3]);
         Image::with_data(gpu, Step::STAND_IN, &desc, |_, _, memory| memory.fill(0))
     }
 }

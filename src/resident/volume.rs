@@ -1,5 +1,6 @@
 //! The samples of a grid as images on the device, and the memory that a grid takes.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use ash::vk;
@@ -72,6 +73,46 @@ impl Form {
         let encoding = encoding_on(gpu, grid.samples(), for_filter, mip)?;
         let (dims, along) = layout.texels(grid);
         Ok(Self { encoding, layout, levels: if mip { mips::levels(dims, along) } else { 1 } })
+    }
+
+    /// Chooses the form of pages of the grid, of which techniques of stacks have a copy for each axis.
+    pub(crate) fn of_pages(gpu: &Gpu, grid: &Grid, layout: Layout, for_filter: bool) -> Result<Self> {
+        let layout = if layout == Layout::Volume { layout } else { Layout::Stack(0) };
+        Self::new(gpu, grid, layout, for_filter, false)
+    }
+
+    /// Returns how many copies of its pages a grid has: copy i is turned as the stack of axis i.
+    pub(crate) fn copies(self) -> u32 {
+        if self.layout == Layout::Volume { 1 } else { 3 }
+    }
+
+    /// Returns the samples of a page in the order of its texels in a copy.
+    pub(crate) fn turned_page(self, samples: &Samples, copy: u32) -> Cow<'_, Samples> {
+        match (self.layout, num::index(copy)) {
+            (Layout::Volume, _) | (_, 2) => Cow::Borrowed(samples),
+            (Layout::Stack(_), axis) => Cow::Owned(turn_samples(samples, [PAGE_TEXELS; 3], axis)),
+        }
+    }
+
+    /// Describes the image of a pool of pages with so many texels along each axis.
+    fn pool(self, extent: [u32; 3]) -> ImageDesc {
+        let ([w, h, d], format) = (extent, self.encoding.format());
+        match self.layout {
+            Layout::Volume => ImageDesc::sampled_volume(format, extent),
+            Layout::Stack(_) => ImageDesc::sampled_stack(format, [w, h], d),
+        }
+    }
+
+    /// Returns the most texels of a pool along each axis.
+    pub(crate) fn pool_sides(self, gpu: &Gpu) -> [u32; 3] {
+        let limits = gpu.limits();
+        match self.layout {
+            Layout::Volume => [limits.max_image_dimension3_d; 3],
+            Layout::Stack(_) => {
+                let side = limits.max_image_dimension2_d;
+                [side, side, limits.max_image_array_layers]
+            }
+        }
     }
 
     /// Returns the bytes of a page.
@@ -163,8 +204,7 @@ impl Volume {
     /// Makes an image with room for `slots` pages of a grid along each axis, all zeros.
     pub(crate) fn pool(gpu: &Gpu, grid: &Grid, form: Form, slots: [u32; 3]) -> Result<Arc<Self>> {
         let extent = slots.map(|n| n * PAGE_TEXELS);
-        let desc = ImageDesc::sampled_volume(form.encoding.format(), extent);
-        let image = Arc::new(Image::new(gpu, "page pool", &desc)?);
+        let image = Arc::new(Image::new(gpu, "page pool", &form.pool(extent))?);
         Commands::new(gpu)?.run("page pool", |recorder| {
             recorder.clear_image("page pool", &image, [0.0; 4]);
             recorder.release_image(&image);

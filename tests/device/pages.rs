@@ -61,8 +61,7 @@ fn is_same(scene: &Arc<GpuScene>, whole: &Arc<GpuScene>, view: &View, spec: &str
         count("pages_read")
     );
     // Both sum the same terms; only the coordinates of the filter are rounded otherwise, where the fog is steep to 3e-5 of a pixel.
-    let [mut rmse, mut most] =
-        if spec.contains("filter=exact") && !spec.starts_with('s') { [0.0; 2] } else { [2e-6, 6e-5] };
+    let [mut rmse, mut most] = if spec.contains("filter=exact") { [0.0; 2] } else { [2e-6, 6e-5] };
     // A device with weights of few bits rounds them otherwise in another image: at most, twice what it does to each.
     if !spec.contains("filter=exact") && whole.gpu().filter_error().unwrap() > 1e-4 {
         let exact = draw_on(whole, view, &with_option(spec, "filter", "exact"));
@@ -109,7 +108,9 @@ fn images_are_those_of_the_whole_grid() {
                         let what = format!("{kind}, {name}, {pages} pages,");
                         let [read, _] = is_same(&few, &all, view, spec, &what);
                         if pages == PAGES {
-                            assert!(read <= PAGES, "{what} {spec}: {read} pages were read");
+                            // The stack of another axis has pages of its own.
+                            let most = if spec.contains("shear-warp") { 2 * PAGES } else { PAGES };
+                            assert!(read <= most, "{what} {spec}: {read} pages were read");
                         }
                         if pages == 4 {
                             assert!(
@@ -184,7 +185,7 @@ fn empty_space_is_skipped_as_in_the_whole_grid() {
             samples(&all, &format!("{spec}{}empty-space=march", if spec.contains(':') { "," } else { ":" }));
         println!("{name}: {first}, then {got} samples, of the whole grid {want}; without skipping {march}");
         assert!(
-            (want - want / 50..=want + want / 100).contains(&got),
+            (want - want / 25..=want + want / 100).contains(&got),
             "{name}: {got} samples, of the whole grid {want}"
         );
         assert!(march > want + want / 10 && first > want + want / 100, "{name}: {march}, {first}, {want}");

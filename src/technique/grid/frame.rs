@@ -314,7 +314,9 @@ impl Prepared for GridFrame {
     }
 
     fn load(&mut self) -> Result<bool> {
-        self.paging.as_ref().map_or(Ok(false), Paging::load)
+        // A stack has a copy of the pages for each axis.
+        let copy = self.samples.get(self.current).and_then(|samples| samples.axis).map_or(0, num::count);
+        self.paging.as_ref().map_or(Ok(false), |paging| paging.load(&[copy]))
     }
 
     fn resumes(&self) -> bool {

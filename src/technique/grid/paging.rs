@@ -154,14 +154,14 @@ impl Paging {
         Arc::clone(&self.missed) as _
     }
 
-    /// Loads the pages that the last recording has missed. Returns whether the next one has more to draw.
-    pub(crate) fn load(&self) -> Result<bool> {
+    /// Loads the pages that the last recording has missed, of which it has drawn some copies. Returns whether the next one has more to draw.
+    pub(crate) fn load(&self, drawn: &[u32]) -> Result<bool> {
         let words = self.missed.words()?;
         let missed = num::index(words[num::index(WANTED_COUNT)].min(WANTED_MOST));
         let more = words[num::index(WANTED_UNFINISHED)] != 0;
         let wanted = &words[num::index(WANTED_FIRST)..][..missed];
         // A ray may also wait because its dispatch has walked as many slabs as it may.
-        let resumes = more && (self.pool.load(wanted, &self.order)? || wanted.is_empty());
+        let resumes = more && (self.pool.load(wanted, &self.order, drawn)? || wanted.is_empty());
         self.resumes.store(resumes, Ordering::Relaxed);
         Ok(resumes)
     }

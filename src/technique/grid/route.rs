@@ -150,18 +150,9 @@ impl RouteDesc<'_> {
         // A sampler may drop NaN.
         let filter_exact = options.filter == Filter::Exact || !volume.filterable || has_nan;
         let filter = if filter_exact { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
-        let samples = volume.image.sampled(filter);
-        let stacked = self.volumes.iter().any(|(axis, _)| axis.is_some());
-        // Shaders of stacks have a binding for each, and leave one alone.
-        let (volume, pool) = match self.paging {
-            _ if !stacked => (samples.clone(), samples),
-            Some(_) => (self.scene.nothing(true)?, samples),
-            None => (samples, self.scene.nothing(false)?),
-        };
         Ok(GridInputs {
             scene: self.scene,
-            volume,
-            pool,
+            volume: volume.image.sampled(filter),
             pages: Paging::pages(self.paging, &self.knots.buffer),
             lattice: shader::Lattice {
                 filter_exact,

@@ -94,7 +94,7 @@ impl GridTechnique for Options {
     }
 
     fn march(&self, grid: GridInputs<'_>, march: MarchInputs) -> Result<Bound> {
-        let GridInputs { volume, pool, pages, lattice, optics, bounded, .. } = grid;
+        let GridInputs { volume, pages, lattice, optics, bounded, .. } = grid;
         let MarchInputs {
             accumulation,
             resume,
@@ -108,7 +108,7 @@ impl GridTechnique for Options {
             owned,
             ..
         } = march;
-        let stack = Stack { volume, pool, between: self.between };
+        let stack = Stack { volume, between: self.between };
         Ok(SLICES_2D_COMPUTE.with(&Slices2dCompute {
             accumulation,
             resume,
@@ -129,8 +129,8 @@ impl GridTechnique for Options {
     }
 
     fn polygons(&self, grid: GridInputs<'_>, blend: Option<Blend>) -> Result<Option<Polygons>> {
-        let GridInputs { volume, pool, pages, lattice, optics, bounded, .. } = grid;
-        let stack = Stack { volume, pool, between: self.between };
+        let GridInputs { volume, pages, lattice, optics, bounded, .. } = grid;
+        let stack = Stack { volume, between: self.between };
         let vertex = SLICES_2D_VERTEX.with(&Slices2dVertex {});
         let fragment = match blend {
             Some(blend) => SLICES_2D_SHADER_BLEND.with(&Slices2dShaderBlend {

@@ -22,8 +22,6 @@ pub(crate) struct GridInputs<'a> {
     pub(crate) scene: &'a GpuScene,
     /// The samples: a volume, a stack or a pool of pages.
     pub(crate) volume: Sampled,
-    /// The pool of pages, of techniques of stacks.
-    pub(crate) pool: Sampled,
     pub(crate) pages: Pages,
     pub(crate) lattice: Lattice,
     pub(crate) optics: Optics,

@@ -13,9 +13,7 @@ use crate::gpu::shader::{
     Stack as StackInputs, WARP_BICUBIC, WARP_BILINEAR, WARP_BOUNDED, WARP_COMPUTE, WARP_FRAGMENT, WARP_HALVE,
     WARP_MIP, WARP_VERTEX, WarpBounded, WarpCompute, WarpFragment, WarpHalve, WarpVertex,
 };
-use crate::gpu::{
-    Blend, Bound, Buffer, Descriptors, Gpu, GraphicsState, Image, ImageDesc, Pipeline, Sampled,
-};
+use crate::gpu::{Blend, Bound, Buffer, Descriptors, Gpu, GraphicsState, Image, ImageDesc, Pipeline};
 use crate::interface::WarpPush;
 use crate::num;
 use crate::primitives::dispatch::buffer;
@@ -53,9 +51,6 @@ struct Sampling {
     lattice: Lattice,
     optics: Optics,
     pages: Pages,
-    /// In place of a stack or of a pool, whichever shaders leave alone.
-    unread: Sampled,
-    paged: bool,
     integration: Segments,
     between: bool,
     /// Whether a slab holds several slices.
@@ -122,7 +117,7 @@ impl ShearFrame {
                 if raster { ("route=raster", "route=compute") } else { ("of a cut view", "slices-2d") };
             return Err(Paging::refused(NAME, what, instead));
         }
-        let mut sampling = Sampling::new(scene, &options, volume, has_nan, paged)?;
+        let mut sampling = Sampling::new(scene, &options, volume, has_nan)?;
         let knots = &sampling.knots;
         let drawn = DrawnPlanes::of(scene, &options, &chosen, &axes, volume, knots, view, raster)?;
         let intermediate = Intermediate::new(gpu, &drawn, raster)?;
@@ -187,7 +182,7 @@ impl ShearFrame {
 }
 
 impl Sampling {
-    fn new(scene: &GpuScene, options: &Options, volume: &Volume, has_nan: bool, paged: bool) -> Result<Self> {
+    fn new(scene: &GpuScene, options: &Options, volume: &Volume, has_nan: bool) -> Result<Self> {
         // A sampler may drop NaN.
         let exact = options.grid.filter == Filter::Exact || !volume.filterable || has_nan;
         let knots = scene.knots()?;
@@ -199,8 +194,6 @@ impl Sampling {
             lattice: Lattice { filter_exact: exact, has_nan, prefilter: false },
             optics: knots.optics(),
             pages: Paging::pages(None, &knots.buffer),
-            unread: scene.nothing(paged)?,
-            paged,
             integration: scene.segments(&options.segments, options.grid.filter == Filter::Hardware, None)?,
             between: options.between,
             every: options.every > 1,
@@ -210,9 +203,7 @@ impl Sampling {
 
     /// The inputs of shaders that sample a stack.
     fn stack(&self, volume: &Volume) -> StackInputs {
-        let (samples, unread) = (volume.image.sampled(self.filter), self.unread.clone());
-        let (volume, pool) = if self.paged { (unread, samples) } else { (samples, unread) };
-        StackInputs { volume, pool, between: self.between }
+        StackInputs { volume: volume.image.sampled(self.filter), between: self.between }
     }
 }
 

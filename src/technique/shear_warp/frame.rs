@@ -121,7 +121,11 @@ impl Prepared for ShearFrame {
     }
 
     fn load(&mut self) -> Result<bool> {
-        self.paging.as_ref().map_or(Ok(false), Paging::load)
+        let mut copies: Vec<u32> =
+            self.drawn.planes.iter().map(|plane| num::count(self.stacks[plane.stack].axis)).collect();
+        copies.sort_unstable();
+        copies.dedup();
+        self.paging.as_ref().map_or(Ok(false), |paging| paging.load(&copies))
     }
 
     fn resumes(&self) -> bool {
