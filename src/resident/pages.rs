@@ -338,8 +338,17 @@ impl PagePool {
             .filter_map(|slot| Some((slot, state.page_in[num::index(slot)].map_or(Some((0, 0)), rank)?)))
             .collect();
         slots.sort_by_key(|&(_, rank)| rank);
-        let pairs: Vec<(u32, u32)> =
-            wanted.into_iter().zip(slots).map(|(page, (slot, _))| (page, slot)).collect();
+        wanted.truncate(slots.len());
+        // Where it can, a page takes the slot of its place: pages beside each other share rows of the pool then, as in the whole grid.
+        let mut open = vec![false; num::index(product(self.slots))];
+        for (at, &(slot, rank)) in slots.iter().enumerate() {
+            open[num::index(slot)] = at < wanted.len() || rank.0 == 0;
+        }
+        let mut take = |slot: u32| std::mem::take(&mut open[num::index(slot)]).then_some(slot);
+        let places: Vec<_> = wanted.iter().map(|&page| take(self.slot_beside(page))).collect();
+        let mut others = slots.iter().filter_map(|&(slot, _)| take(slot));
+        let slots = places.into_iter().filter_map(|slot| slot.or_else(|| others.next()));
+        let pairs: Vec<(u32, u32)> = wanted.into_iter().zip(slots).collect();
 
         let batch = num::usize_of_u64(state.staging.size()) / self.page_bytes();
         for pairs in pairs.chunks(batch.max(1)) {
@@ -375,6 +384,13 @@ impl PagePool {
             (Page { number, texels, bricks: bricks.clone() }, slot)
         };
         Ok(copies.iter().map(copy).collect())
+    }
+
+    /// Returns the slot that lies beside those of the pages around a page.
+    fn slot_beside(&self, page: u32) -> u32 {
+        let place = self.form.turned_place(self.place(page), page / product(self.pages));
+        let [x, y, z] = [0, 1, 2].map(|axis| place[axis] % self.slots[axis]);
+        x + self.slots[0] * (y + self.slots[1] * z)
     }
 
     /// Returns the numbers of all copies of a page.

@@ -86,6 +86,11 @@ impl Form {
         if self.layout == Layout::Volume { 1 } else { 3 }
     }
 
+    /// Returns the place of a page along the axes of its texels in a copy.
+    pub(crate) fn turned_place(self, place: [u32; 3], copy: u32) -> [u32; 3] {
+        if self.layout == Layout::Volume { place } else { turned(place, num::index(copy)) }
+    }
+
     /// Returns the samples of a page in the order of its texels in a copy.
     pub(crate) fn turned_page(self, samples: &Samples, copy: u32) -> Cow<'_, Samples> {
         match (self.layout, num::index(copy)) {
