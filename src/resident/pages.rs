@@ -342,7 +342,7 @@ impl PagePool {
         // Where it can, a page takes the slot of its place: pages beside each other share rows of the pool then, as in the whole grid.
         let mut open = vec![false; num::index(product(self.slots))];
         for (at, &(slot, rank)) in slots.iter().enumerate() {
-            open[num::index(slot)] = at < wanted.len() || rank.0 == 0;
+            open[num::index(slot)] = at < wanted.len() || rank == (0, 0);
         }
         let mut take = |slot: u32| std::mem::take(&mut open[num::index(slot)]).then_some(slot);
         let places: Vec<_> = wanted.iter().map(|&page| take(self.slot_beside(page))).collect();
@@ -388,9 +388,10 @@ impl PagePool {
 
     /// Returns the slot that lies beside those of the pages around a page.
     fn slot_beside(&self, page: u32) -> u32 {
-        let place = self.form.turned_place(self.place(page), page / product(self.pages));
-        let [x, y, z] = [0, 1, 2].map(|axis| place[axis] % self.slots[axis]);
-        x + self.slots[0] * (y + self.slots[1] * z)
+        let copy = page / product(self.pages);
+        let [x, y, z] = self.form.turned_place(self.place(page), copy);
+        let [across, rows, _] = self.form.turned_place(self.pages, copy);
+        (x + across * (y + rows * z) + copy * product(self.pages)) % product(self.slots)
     }
 
     /// Returns the numbers of all copies of a page.

@@ -245,16 +245,20 @@ fn frames_that_end_early_keep_their_bound() {
     }
 }
 
+/// A scene most of whose 125 pages show nothing.
+fn mostly_hidden() -> Scene {
+    let grid = Field::Blobs.sample([300, 260, 280], "u8").unwrap();
+    let [low, high] = grid.range();
+    let rows = [[low + 0.35 * (high - low), 0.9, 0.4, 0.1, 0.0], [high, 1.0, 0.9, 0.2, 8.0]];
+    Scene::new(grid, TransferFunction::from_rows(&rows).unwrap())
+}
+
 /// Where most pages show nothing, and many are loaded at a time, they make room first: the image is the same to the bit, and a page is read
 /// once but for a few.
 #[test]
 fn hidden_pages_leave_first() {
-    let whole = gpu();
-    let grid = Field::Blobs.sample([300, 260, 280], "u8").unwrap();
-    let [low, high] = grid.range();
-    let rows = [[low + 0.35 * (high - low), 0.9, 0.4, 0.1, 0.0], [high, 1.0, 0.9, 0.2, 8.0]];
-    let scene = Scene::new(grid, TransferFunction::from_rows(&rows).unwrap());
-    let all = GpuScene::new(&whole, scene.clone());
+    let scene = mostly_hidden();
+    let all = GpuScene::new(&gpu(), scene.clone());
     // Of 125 pages; two are loaded at a time.
     let paged = gpu_with(pool(16, 1));
     for spec in ["slices-3d:filter=exact", "slabs:filter=exact,integrator=exact", "raycast:filter=exact"] {
@@ -267,6 +271,34 @@ fn hidden_pages_leave_first() {
             let read = drawn.counters.iter().find(|(key, _)| *key == "pages_read").map_or(0, |(_, n)| *n);
             println!("{spec}: {read} pages");
             assert!((4..=160).contains(&read), "{spec}: {read} pages were read");
+        }
+    }
+}
+
+/// The stack of each axis has pages of its own, of which those that are known to show nothing are not read again. They make room for those of
+/// another axis: the images of a view from each side are those of the whole grid to the bit.
+#[test]
+fn stacks_of_all_axes_share_a_pool() {
+    let scene = mostly_hidden();
+    let all = GpuScene::new(&gpu(), scene.clone());
+    for (pages, spec) in
+        [(375, "slices-2d:filter=exact"), (5, "slices-2d:filter=exact"), (5, "shear-warp:filter=exact")]
+    {
+        let few = GpuScene::new(&gpu_with(pool(pages, 1)), scene.clone());
+        let reads = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::X].map(|side| {
+            let eye = 4.0 * side + DVec3::new(0.3, 0.2, -0.4);
+            let up = if side == DVec3::Y { DVec3::X } else { DVec3::Y };
+            let view = View::new(Camera { eye, target: DVec3::ZERO, up, projection: perspective() }, 48, 40)
+                .unwrap();
+            is_same(&few, &all, &view, spec, &format!("from {side}, {pages} pages,"))[0]
+        });
+        if pages == 375 {
+            let [first, second, third, again] = reads;
+            assert!(
+                (second - first).max(third - second) < first * 2 / 3 && second > first,
+                "{reads:?} pages were read"
+            );
+            assert_eq!(again, third, "pages of the first axis are still there");
         }
     }
 }
