@@ -18,7 +18,7 @@
 
 layout(constant_id = SPEC_PAGED) const bool PAGED = false;
 
-// A PAGE_* word for each page, x fastest.
+// A PAGE_* word for each page, x fastest; of a stack for each axis.
 layout(set = 0, binding = BINDING_PAGES, std430) readonly buffer Pages { uint page_words[]; };
 
 // 1 and the number of the last page that this invocation has missed; 0: none.

@@ -53,15 +53,15 @@ float slice_of(float slab, Slices slices) {
 
 layout(constant_id = SPEC_EVERY) const bool EVERY = false;
 
-// Returns the depth of the sample that represents a piece of a slab.
+// Returns the depth of the sample that represents a piece of a slab: its middle. A slab of several slices (EVERY) may be clipped far from its
+// middle: then it is the depth nearest to the slab's middle within the piece.
 float sample_of(vec2 piece, float slab, float z0, float h) {
     if (!EVERY || BETWEEN) return 0.5 * (piece.x + piece.y);
     return min(max(fma(slab + 0.5, h, z0), piece.x), max(piece.x, piece.y));
 }
 
-// Returns premultiplied colour and opacity of a slab on the ray, classified on its slice at the depth of the piece's middle. A slab
-// of several slices (EVERY) may be clipped far from its middle: then the depth is the one nearest to the slab's middle within the
-// piece, and the slice is the one nearest there.
+// Returns premultiplied colour and opacity of a slab on the ray, classified on its slice at the depth of its sample; of several slices on the one
+// nearest there.
 vec4 slab_emission(Ray ray, vec2 piece, float slab, float z0, float h, Slices slices, bool in_run, Lattice lattice, uint knots) {
     float z = sample_of(piece, slab, z0, h), slice = slice_of(slab, slices);
     if (EVERY && !BETWEEN) {

@@ -29,8 +29,9 @@ pub struct GpuOptions {
     /// Limit of device memory, in bytes. The default is the free memory that the driver reports, or nine tenths of the
     /// largest device-local heap.
     pub memory_budget: Option<u64>,
-    /// Bytes of the pool in which a grid is kept in pages, at least one page; fewer where the driver refuses so large an image. Without it a grid that fits the device is one image, and for
-    /// another the pool takes five eighths of the memory that is left.
+    /// Bytes of a pool in which a grid is kept in pages, at least one page; fewer where the driver refuses so large an image, or less memory is
+    /// left. Without it a grid that fits the device is one image, and for another the pool takes five eighths of the memory that is left. Techniques
+    /// of stacks have a pool of their own.
     pub page_pool: Option<u64>,
     /// Loop iterations that one shader invocation may make, instead of the number that the start-up probe finds.
     pub loop_limit: Option<u32>,

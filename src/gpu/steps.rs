@@ -130,7 +130,7 @@ pub(crate) enum Work {
     CopyImageToBuffer { image: Arc<Image>, buffer: Arc<Buffer> },
     /// Copies the start of a buffer to planes or layers `[first, count]` of a mip level of an image.
     CopyBufferToImage { buffer: Arc<Buffer>, image: Arc<Image>, level: u32, planes: [u32; 2] },
-    /// Copies parts of a buffer, from these offsets on, to cubes of a volume with a side and these corners.
+    /// Copies parts of a buffer, from these offsets on, to cubes of a volume, or of layers of an array, with a side and these corners.
     CopyBufferToCubes { buffer: Arc<Buffer>, image: Arc<Image>, side: u32, cubes: Vec<(u64, [u32; 3])> },
     /// Only makes the resources ready for their uses, also for later recordings. This is no pass.
     Leave,

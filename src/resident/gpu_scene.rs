@@ -377,7 +377,8 @@ impl GpuScene {
     pub(crate) fn page_pool(&self, form: Form) -> Result<Arc<PagePool>> {
         let grid = self.grid()?;
         self.grid.pools.get(form, || {
-            let bytes = self.gpu.page_pool().unwrap_or(self.gpu.memory_left() / 8 * 5);
+            let left = self.gpu.memory_left();
+            let bytes = self.gpu.page_pool().map_or(left / 8 * 5, |bytes| bytes.min(left / 8 * 7));
             PagePool::new(&self.gpu, grid, self.scene.transfer.domain(), form, bytes)
         })
     }

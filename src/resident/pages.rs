@@ -1,6 +1,7 @@
 //! A grid in pages (`glsl/grid/pages.glsl`): the pool on the device that holds the pages which rays need, and the page tables that say
 //! where. Rays name the pages that they miss; the host loads them between frames.
 
+use std::cmp::Reverse;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use rayon::prelude::*;
@@ -191,10 +192,9 @@ impl PagePool {
         }
         let page_bytes = num::wide(form.page_bytes().next_multiple_of(4));
         let volume_of = |bytes: u64| {
-            let most = u32::try_from(bytes / page_bytes)
-                .unwrap_or(u32::MAX)
-                .clamp(1, product(pages) * form.copies());
-            let slots = slots_of(most, form.pool_sides(gpu).map(|side| side / PAGE_TEXELS))
+            let most = u32::try_from(bytes / page_bytes).unwrap_or(u32::MAX).max(1);
+            let sides = form.pool_sides(gpu).map(|side| side / PAGE_TEXELS);
+            let slots = slots_of(product(pages).saturating_mul(form.copies()), most, sides)
                 .ok_or_else(|| Error::unsupported("pages", "images are too small for one page"))?;
             Ok((slots, Volume::pool(gpu, grid, form, slots)?))
         };
@@ -211,8 +211,8 @@ impl PagePool {
                 made => break made?,
             }
         };
-        let batch = (room / 8).min(gpu.staging_bytes()) / page_bytes;
-        let staging = Buffer::new(gpu, "pages (staging)", batch.max(1) * page_bytes, BufferUse::Upload)?;
+        let batch = ((room / 8).min(gpu.staging_bytes()) / page_bytes).max(form.copies().into());
+        let staging = Buffer::new(gpu, "pages (staging)", batch * page_bytes, BufferUse::Upload)?;
         let count = num::index(product(pages));
         let state = State {
             slot_of: vec![0; count * num::index(form.copies())],
@@ -351,9 +351,9 @@ impl PagePool {
         let pairs: Vec<(u32, u32)> = wanted.into_iter().zip(slots).collect();
 
         let batch = num::usize_of_u64(state.staging.size()) / self.page_bytes();
-        for pairs in pairs.chunks(batch.max(1)) {
-            let of_one_page: Vec<_> =
-                pairs.chunk_by(|a, b| self.in_first(a.0) == self.in_first(b.0)).collect();
+        let of_one_page: Vec<_> = pairs.chunk_by(|a, b| self.in_first(a.0) == self.in_first(b.0)).collect();
+        let most = batch / num::index(self.form.copies());
+        for of_one_page in of_one_page.chunks(most.max(1)) {
             let read = |pairs: &&[(u32, u32)]| self.read_copies(pairs);
             let pages = of_one_page.par_iter().map(read).collect::<Result<Vec<_>>>()?;
             for (page, _) in pages.iter().filter_map(|copies| copies.first()) {
@@ -438,6 +438,8 @@ impl PagePool {
 
     /// Copies cubes of the staging buffer into the pool, and the words that changed into the tables.
     fn send(&self, state: &mut State, cubes: Vec<(u64, [u32; 3])>) -> Result<()> {
+        state.changed.sort_unstable();
+        state.changed.dedup();
         let part_of_page = |(i, &page): (usize, &u32)| [4 * num::wide(i), 4 * u64::from(page), 4];
         let pages: Vec<_> = state.changed.iter().enumerate().map(part_of_page).collect();
         let mut changes = Vec::new();
@@ -484,13 +486,18 @@ impl PagePool {
     }
 }
 
-/// Returns the slots along each axis of a pool: at most `most` in all and so many along each axis, as near to a cube as they can be; `None`
-/// where there is none.
-fn slots_of(most: u32, sides: [u32; 3]) -> Option<[u32; 3]> {
+/// Returns the slots along each axis of a pool for `wanted` pages: at most `most` in all and so many along each axis; `None` where there is none.
+/// Of boxes that hold all, or nearly as many as may be, it is the one nearest to a cube.
+fn slots_of(wanted: u32, most: u32, sides: [u32; 3]) -> Option<[u32; 3]> {
     let [across, rows, planes] = sides.map(|side| side.min(MOST_SLOTS));
-    let z = (1..=planes).take_while(|&n| n.saturating_pow(3) <= most).last()?;
-    let y = (1..=rows).take_while(|&n| z.saturating_mul(n).saturating_mul(n) <= most).last()?;
-    Some([(most / (z * y)).min(across), y, z]).filter(|slots| slots[0] > 0)
+    let boxes = (1..=planes).flat_map(|z| {
+        (1..=rows).map(move |y| [(most / (y * z)).min(wanted.div_ceil(y * z)).min(across), y, z])
+    });
+    let sixteenths = |slots: u32| u64::from(slots) * 16 / u64::from(most.min(wanted).max(1));
+    boxes.filter(|slots| slots[0] > 0).max_by_key(|&slots| {
+        let held = product(slots).min(wanted);
+        (held == wanted, sixteenths(held), Reverse(slots.iter().copied().max()), Reverse(product(slots)))
+    })
 }
 
 #[cfg(test)]
@@ -499,19 +506,19 @@ mod tests {
 
     #[test]
     fn slots_fill_a_box_within_the_limits() {
-        assert_eq!(slots_of(1, [30; 3]), Some([1, 1, 1]));
-        assert_eq!(slots_of(7, [30; 3]), Some([3, 2, 1]));
-        assert_eq!(slots_of(3500, [30; 3]), Some([15, 15, 15]));
-        assert_eq!(slots_of(1 << 30, [30; 3]), Some([30; 3]));
-        assert_eq!(slots_of(5, [0; 3]), None);
-        assert_eq!(slots_of(5000, [90, 90, 7]), Some([27, 26, 7]));
-        assert_eq!(slots_of(5, [2, 3, 4]), Some([2, 2, 1]));
-        for most in 1..3000 {
-            let [x, y, z] = slots_of(most, [64; 3]).unwrap();
-            assert!(
-                x * y * z <= most && 4 * x * y * z >= 3 * most.min(8) && x <= 3 * z.max(2),
-                "{most}: {x} {y} {z}"
-            );
+        let all = u32::MAX;
+        assert_eq!(slots_of(all, 1, [30; 3]), Some([1, 1, 1]));
+        assert_eq!(slots_of(all, 1 << 30, [30; 3]), Some([30; 3]));
+        assert_eq!(slots_of(all, 5, [0; 3]), None);
+        assert_eq!(slots_of(all, 5000, [90, 90, 7]), Some([27, 26, 7]));
+        // All that are wanted, where there is room.
+        assert_eq!(slots_of(75, 75, [30; 3]), Some([5, 5, 3]));
+        assert_eq!(slots_of(1536, 9999, [60; 3]), Some([12, 12, 11]));
+        for most in 1..2000 {
+            let slots = slots_of(all, most, [64; 3]).unwrap();
+            assert!(product(slots) <= most && 16 * product(slots) >= 14 * most, "{most}: {slots:?}");
+            let held = slots_of(most, 2 * most, [64; 3]).unwrap();
+            assert!(product(held) >= most && 2 * product(held) <= 3 * most + 2, "{most}: {held:?}");
         }
     }
 }

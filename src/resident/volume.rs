@@ -86,21 +86,26 @@ impl Form {
         if self.layout == Layout::Volume { 1 } else { 3 }
     }
 
+    /// Returns the axis that is last in a copy.
+    fn axis_of(self, copy: u32) -> usize {
+        if self.layout == Layout::Volume { 2 } else { num::index(copy) }
+    }
+
     /// Returns the place of a page along the axes of its texels in a copy.
     pub(crate) fn turned_place(self, place: [u32; 3], copy: u32) -> [u32; 3] {
-        if self.layout == Layout::Volume { place } else { turned(place, num::index(copy)) }
+        turned(place, self.axis_of(copy))
     }
 
     /// Returns the samples of a page in the order of its texels in a copy.
     pub(crate) fn turned_page(self, samples: &Samples, copy: u32) -> Cow<'_, Samples> {
-        match (self.layout, num::index(copy)) {
-            (Layout::Volume, _) | (_, 2) => Cow::Borrowed(samples),
-            (Layout::Stack(_), axis) => Cow::Owned(turn_samples(samples, [PAGE_TEXELS; 3], axis)),
+        match self.axis_of(copy) {
+            2 => Cow::Borrowed(samples),
+            axis => Cow::Owned(turn_samples(samples, [PAGE_TEXELS; 3], axis)),
         }
     }
 
-    /// Describes the image of a pool of pages with so many texels along each axis.
-    fn pool(self, extent: [u32; 3]) -> ImageDesc {
+    /// Describes an image with so many texels along each axis.
+    fn texels(self, extent: [u32; 3]) -> ImageDesc {
         let ([w, h, d], format) = (extent, self.encoding.format());
         match self.layout {
             Layout::Volume => ImageDesc::sampled_volume(format, extent),
@@ -132,15 +137,11 @@ impl Form {
 
     /// Describes the image of a grid, with its name.
     fn image(self, grid: &Grid) -> (String, ImageDesc) {
-        let [w, h, d] = self.layout.texels(grid).0;
-        let format = self.encoding.format();
-        let (name, desc) = match self.layout {
-            Layout::Volume => ("volume".to_string(), ImageDesc::sampled_volume(format, [w, h, d])),
-            Layout::Stack(axis) => {
-                (format!("stack.{}", ["x", "y", "z"][axis % 3]), ImageDesc::sampled_stack(format, [w, h], d))
-            }
+        let name = match self.layout {
+            Layout::Volume => "volume".to_string(),
+            Layout::Stack(axis) => format!("stack.{}", ["x", "y", "z"][axis % 3]),
         };
-        (name, ImageDesc { levels: self.levels, ..desc })
+        (name, ImageDesc { levels: self.levels, ..self.texels(self.layout.texels(grid).0) })
     }
 
     /// Returns whether the device has room for the image of a grid.
@@ -209,7 +210,7 @@ impl Volume {
     /// Makes an image with room for `slots` pages of a grid along each axis, all zeros.
     pub(crate) fn pool(gpu: &Gpu, grid: &Grid, form: Form, slots: [u32; 3]) -> Result<Arc<Self>> {
         let extent = slots.map(|n| n * PAGE_TEXELS);
-        let image = Arc::new(Image::new(gpu, "page pool", &form.pool(extent))?);
+        let image = Arc::new(Image::new(gpu, "page pool", &form.texels(extent))?);
         Commands::new(gpu)?.run("page pool", |recorder| {
             recorder.clear_image("page pool", &image, [0.0; 4]);
             recorder.release_image(&image);

@@ -5,10 +5,11 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::common::caller::Caller;
 use crate::common::*;
 use crate::folder::Folder;
 use glam::{DMat3, DVec3};
-use volraster::GpuScene;
+use volraster::ash::vk;
 use volraster::gpu::GpuOptions;
 use volraster::io::ReadOptions;
 use volraster::io::scene_file::LoadedScene;
@@ -18,6 +19,7 @@ use volraster::scene::{
     TransferFunction, View,
 };
 use volraster::technique::Renderer;
+use volraster::{GpuScene, TargetDesc, TargetMode};
 
 /// A grid of 3 x 2 x 3 pages, the last of which are cut.
 const DIMS: [u32; 3] = [160, 80, 131];
@@ -89,6 +91,7 @@ fn images_are_those_of_the_whole_grid() {
         "shear-warp",
         "shear-warp:step=0.5,filter=exact,warp=mip",
         "shear-warp:integrator=integral",
+        "shear-warp:every=3",
         "slabs:resolution=half",
     ];
     // This device filters 8-bit samples too coarsely: they take 16 bits.
@@ -303,6 +306,42 @@ fn stacks_of_all_axes_share_a_pool() {
     }
 }
 
+/// Between a recording and the load of what it has missed the view may change: the next one begins anew.
+#[test]
+fn views_may_change_before_pages_are_loaded() {
+    let gpu = gpu_with(pool(4, 4));
+    let scene = Scene::new(Field::Blobs.sample(DIMS, "f32").unwrap(), fog());
+    let views = [view(perspective(), 1.0, 50, 40), view(orthographic(), 1.0, 50, 40)];
+    let format = vk::Format::R32G32B32A32_SFLOAT;
+    let caller = Caller::new(&gpu, format, [50, 40], 16);
+    for spec in ["slabs:filter=exact", "slices-2d:filter=exact", "shear-warp:filter=exact"] {
+        let few = GpuScene::new(&gpu, scene.clone());
+        let renderer = Renderer::new(&few, technique(spec));
+        let mut plan = renderer.prepare(&views[0], &TargetDesc::caller(format, TargetMode::Clear)).unwrap();
+        let mut drawn = 0;
+        let bytes = loop {
+            caller.begin([0.0; 4]);
+            let recorded =
+                plan.record(&mut caller.command_buffer(&gpu), Some(&caller.target(&gpu)), None).unwrap();
+            let bytes = caller.end(&gpu);
+            let complete = recorded.completed().unwrap().complete;
+            drawn += 1;
+            if drawn == 2 {
+                assert!(!complete && plan.set_view(&views[1]).unwrap());
+            } else if complete {
+                break bytes;
+            }
+            assert!(plan.load().unwrap() || drawn == 2, "{spec}, {drawn}");
+        };
+        let numbers: &[[f32; 4]] = bytemuck::cast_slice(&bytes);
+        assert_eq!(
+            numbers,
+            draw_on(&GpuScene::new(&crate::common::gpu(), scene.clone()), &views[1], spec).pixels(),
+            "{spec}"
+        );
+    }
+}
+
 /// Pages that show nothing are read once, however many follow each other on a ray.
 #[test]
 fn rays_pass_long_gaps_without_reading_them_again() {
@@ -373,7 +412,7 @@ fn every_kind_of_scene_is_drawn_from_pages() {
         (
             "holes",
             Scene::new(holed, fog()),
-            "slabs slices-3d raycast slices-2d slices-2d:step=0.7 shear-warp",
+            "slabs slices-3d raycast slices-2d slices-2d:step=0.7 shear-warp shear-warp:integrator=exact",
         ),
         (
             "panes",

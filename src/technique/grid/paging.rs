@@ -37,6 +37,8 @@ pub(crate) struct Paging {
     order: PageOrder,
     /// Whether the next recording goes on with the image of the last one.
     resumes: AtomicBool,
+    /// Whether the view has changed since the last recording.
+    turned: AtomicBool,
 }
 
 /// The pages that the rays of a recording have missed, for the host.
@@ -83,6 +85,7 @@ impl Paging {
             view: *view,
             order,
             resumes: AtomicBool::new(false),
+            turned: AtomicBool::new(false),
         })
     }
 
@@ -114,7 +117,7 @@ impl Paging {
         if self.view != *view {
             self.order = PageOrder::new(scene.grid()?, view);
             self.view = *view;
-            self.resumes = AtomicBool::new(false);
+            (self.resumes, self.turned) = (AtomicBool::new(false), AtomicBool::new(true));
         }
         Ok(())
     }
@@ -127,7 +130,11 @@ impl Paging {
     /// Records what comes before the march. Returns whether that goes on with the image of the last recording.
     pub(crate) fn record_begin(&self, recorder: &mut Recorder<'_>, name: &str) -> bool {
         recorder.clear_buffer(&format!("{name}.wanted.clear"), &self.wanted);
-        recorder.records() && self.resumes.swap(false, Ordering::Relaxed)
+        if !recorder.records() {
+            return false;
+        }
+        self.turned.store(false, Ordering::Relaxed);
+        self.resumes.swap(false, Ordering::Relaxed)
     }
 
     /// Returns the bits of the order of a march's dispatch: the first, or one of the parts behind it.
@@ -154,14 +161,15 @@ impl Paging {
         Arc::clone(&self.missed) as _
     }
 
-    /// Loads the pages that the last recording has missed, of which it has drawn some copies. Returns whether the next one has more to draw.
+    /// Loads the pages that the last recording has missed, of which it has drawn some copies. Returns whether the next one goes on with the image.
     pub(crate) fn load(&self, drawn: &[u32]) -> Result<bool> {
         let words = self.missed.words()?;
         let missed = num::index(words[num::index(WANTED_COUNT)].min(WANTED_MOST));
         let more = words[num::index(WANTED_UNFINISHED)] != 0;
         let wanted = &words[num::index(WANTED_FIRST)..][..missed];
         // A ray may also wait because its dispatch has walked as many slabs as it may.
-        let resumes = more && (self.pool.load(wanted, &self.order, drawn)? || wanted.is_empty());
+        let goes_on = more && (self.pool.load(wanted, &self.order, drawn)? || wanted.is_empty());
+        let resumes = goes_on && !self.turned.load(Ordering::Relaxed);
         self.resumes.store(resumes, Ordering::Relaxed);
         Ok(resumes)
     }
