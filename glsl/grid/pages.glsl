@@ -53,9 +53,15 @@ bool look_up(ivec3 page, ivec4 pages, out bool hidden) {
     return held;
 }
 
-// Finds the page of a cell. A cell of a page that shows nothing, and is not held, is found in the apron of a page beside it. Returns whether
-// its samples are held; around the cell (`around`) only where its own page is. Else a page is missed.
-bool find_page(vec3 cell, bool around, Lattice lattice) {
+// Returns the cell at an index of the grid.
+vec3 cell_of(vec3 index, Lattice lattice) {
+    return clamp(floor(index), vec3(0.0), 2.0 * lattice.half_size - 1.0);
+}
+
+// Finds the page of the cell at an index of the grid. A cell of a page that shows nothing, and is not held, is found in the apron of a page
+// beside it. Returns whether its samples are held; around the cell (`around`) only where its own page is. Else a page is missed.
+bool find_page(vec3 index, bool around, Lattice lattice) {
+    vec3 cell = cell_of(index, lattice);
     vec3 place = floor(cell / float(PAGE));
     if (place == last_page) return true;
     last_page = vec3(-1.0);
@@ -77,20 +83,15 @@ bool find_page(vec3 cell, bool around, Lattice lattice) {
     return false;
 }
 
-// Finds the page of the cell at an index of the grid, as `find_page`.
-bool is_held(vec3 index, bool around, Lattice lattice) {
-    return find_page(clamp(floor(index), vec3(0.0), 2.0 * lattice.half_size - 1.0), around, lattice);
-}
-
 // Samples of a ray are taken in runs that lie on two pages: between runs they are looked up, in them they are not. That suits invocations that
 // run in lockstep, which change pages at different depths, and lets the fetches of several samples begin together.
 float run_until = -3e38; // depth up to which they lie on the first page, or in its apron
 vec3 run_first;          // a texel of the pool is so far beyond the index of the first page
 float page_until;        // depth up to which they lie on the last page that was found
 
-// Returns the cell at depth z of a ray.
-vec3 cell_at(Ray ray, float z, Lattice lattice) {
-    return clamp(floor(fma(vec3(z), ray.d, ray.q) + lattice.half_size), vec3(0.0), 2.0 * lattice.half_size - 1.0);
+// Returns the index of the grid at depth z of a ray.
+vec3 index_at(Ray ray, float z, Lattice lattice) {
+    return fma(vec3(z), ray.d, ray.q) + lattice.half_size;
 }
 
 // Returns the depth at which a ray leaves a page; its apron, but for what rounding may take.
@@ -104,11 +105,11 @@ float leaves(Ray ray, vec3 page, Lattice lattice) {
 // Finds the pages of a run of samples between two depths: that of the first, and the next one, if that is held. The run ends at `page_until`;
 // at z where the first is missed, or not held and shows nothing.
 void enter_pages(Ray ray, float z, float last, Lattice lattice) {
-    bool held = find_page(cell_at(ray, z, lattice), false, lattice) && last_page.x >= 0.0;
+    bool held = find_page(index_at(ray, z, lattice), false, lattice) && last_page.x >= 0.0;
     run_until = page_until = held ? max(leaves(ray, last_page, lattice), z) : z;
     run_first = pool_first;
     for (uint once = 0u; once < uint(run_until > z && run_until < last); ++once) {
-        vec3 page = floor(cell_at(ray, run_until, lattice) / float(PAGE));
+        vec3 page = floor(cell_of(index_at(ray, run_until, lattice), lattice) / float(PAGE));
         bool hidden;
         if (look_up(whole_of(page), lattice.pages, hidden)) {
             last_page = page;
@@ -129,6 +130,7 @@ float run_on_pages(float slab, float stop, float walk, float z, float h, Ray ray
     return clamp(floor((page_until - z) / h) + slab + 1.0, slab + 1.0, stop);
 }
 
+// The same where slabs are counted in integers.
 uint run_on_pages(uint slab, uint stop, uint walk, float z, float h, Ray ray, Lattice lattice) {
     if (!PAGED) return stop;
     return uint(run_on_pages(float(slab), float(stop), float(walk), z, h, ray, lattice));

@@ -22,13 +22,14 @@ Lattice of_stack(Lattice lattice) {
     return with_pool(lattice, textureSize(stack, 0), lattice.axis);
 }
 
-// A texel of the pool is so far beyond the index of the page that samples are read from.
+// A texel of the pool is so far beyond its index, on the page that samples are read from.
 vec3 page_first;
 
-// Finds the page of samples at an index; with those of slices beside it (`around`) only its own. Returns whether it is held; else it is missed.
+// Finds the page of samples at an index; where slices beside it are read too (`around`), only its own page will do. Returns whether it is held;
+// else it is missed.
 bool has_page(vec3 index, bool around, Lattice lattice) {
     if (!PAGED) return true;
-    bool held = is_held(index, around, lattice);
+    bool held = find_page(index, around, lattice);
     page_first = pool_first;
     return held;
 }
@@ -60,14 +61,17 @@ float fetched(vec2 index, int slice, int level) {
     return between_texels(i, min(i + 1, ivec2(size) - 1), index - base, slice, level);
 }
 
+// Returns what the sampler interpolates on a slice at a coordinate of the texture, at a mip level.
+float filtered(vec2 coordinate, float slice, float level) {
+    ++taken_fetches;
+    vec3 size = vec3(textureSize(stack, int(level)).xy, 1.0);
+    return textureLod(stack, vec3(sampled_at(vec3(coordinate, 0.5), size).xy, slice), level).r;
+}
+
 // Returns the stored value on a slice, of the page that has been found.
 float on_page(vec2 index, float slice, Lattice lattice) {
     slice += page_first.z;
-    if (!FILTER_EXACT) {
-        ++taken_fetches;
-        vec3 coordinate = vec3((index + page_first.xy + 0.5) * lattice.texel.xy, 0.5);
-        return textureLod(stack, vec3(sampled_at(coordinate, vec3(textureSize(stack, 0).xy, 1.0)).xy, slice), 0.0).r;
-    }
+    if (!FILTER_EXACT) return filtered((index + page_first.xy + 0.5) * lattice.texel.xy, slice, 0.0);
     vec2 last = 2.0 * lattice.half_size.xy;
     index = clamp(index, vec2(0.0), last);
     vec2 base = min(floor(index), last - 1.0);
@@ -78,12 +82,7 @@ float on_page(vec2 index, float slice, Lattice lattice) {
 // Returns the stored value on a slice, bilinear; of a grid in pages its page has been found.
 float on_slice(vec2 index, float slice, float level, Lattice lattice) {
     if (PAGED) return on_page(index, slice, lattice);
-    if (!FILTER_EXACT) {
-        ++taken_fetches;
-        vec2 coordinate = (index + 0.5) / (2.0 * lattice.half_size.xy + 1.0);
-        vec3 size = vec3(textureSize(stack, int(level)).xy, 1.0);
-        return textureLod(stack, vec3(sampled_at(vec3(coordinate, 0.5), size).xy, slice), level).r;
-    }
+    if (!FILTER_EXACT) return filtered((index + 0.5) / (2.0 * lattice.half_size.xy + 1.0), slice, level);
     if (!PREFILTER) return fetched(index, whole_of(slice), 0);
     level = min(level, float(textureQueryLevels(stack) - 1));
     int below = whole_of(level);

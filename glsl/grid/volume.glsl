@@ -42,13 +42,15 @@ float fetched(vec3 index, int level) {
     return between_texels(i, min(i + 1, ivec3(size) - 1), index - base, level);
 }
 
+// Returns what the sampler interpolates at a coordinate of the texture, at a mip level.
+float filtered(vec3 coordinate, float level) {
+    ++taken_fetches;
+    return textureLod(volume, sampled_at(coordinate, vec3(textureSize(volume, int(level)))), level).r;
+}
+
 // Returns the stored value at an index of the grid on a page that is held, of which texels of the pool are `first` beyond it.
 float on_page(vec3 index, vec3 first, Lattice lattice) {
-    if (!FILTER_EXACT) {
-        ++taken_fetches;
-        vec3 coordinate = (index + first + 0.5) * lattice.texel;
-        return textureLod(volume, sampled_at(coordinate, vec3(textureSize(volume, 0))), 0.0).r;
-    }
+    if (!FILTER_EXACT) return filtered((index + first + 0.5) * lattice.texel, 0.0);
     vec3 base = min(floor(index), 2.0 * lattice.half_size - 1.0);
     ivec3 i = whole_of(base + first);
     return between_texels(i, i + 1, index - base, 0);
@@ -58,7 +60,7 @@ float on_page(vec3 index, vec3 first, Lattice lattice) {
 float in_pages(vec3 position, vec3 offset, Lattice lattice) {
     ++taken_samples;
     vec3 index = position + lattice.half_size;
-    if (!is_held(index, offset != vec3(0.0), lattice)) return 0.0;
+    if (!find_page(index, offset != vec3(0.0), lattice)) return 0.0;
     return on_page(clamp(index + offset, vec3(0.0), 2.0 * lattice.half_size), pool_first, lattice);
 }
 
@@ -66,11 +68,7 @@ float in_pages(vec3 position, vec3 offset, Lattice lattice) {
 float stored_in(vec3 position, float level, Lattice lattice) {
     if (PAGED) return in_pages(position, vec3(0.0), lattice);
     ++taken_samples;
-    if (!FILTER_EXACT) {
-        ++taken_fetches;
-        vec3 coordinate = position / (2.0 * lattice.half_size + 1.0) + 0.5;
-        return textureLod(volume, sampled_at(coordinate, vec3(textureSize(volume, int(level)))), level).r;
-    }
+    if (!FILTER_EXACT) return filtered(position / (2.0 * lattice.half_size + 1.0) + 0.5, level);
     vec3 index = position + lattice.half_size;
     if (!PREFILTER) return fetched(index, 0);
     level = min(level, float(textureQueryLevels(volume) - 1));
@@ -95,9 +93,7 @@ float stored_in_run(Ray ray, float z, Lattice lattice) {
     ++taken_samples;
     vec3 first = first_in_run(z);
     if (!FILTER_EXACT) {
-        ++taken_fetches;
-        vec3 coordinate = (fma(vec3(z), ray.d, ray.q) + (lattice.half_size + 0.5 + first)) * lattice.texel;
-        return textureLod(volume, sampled_at(coordinate, vec3(textureSize(volume, 0))), 0.0).r;
+        return filtered((fma(vec3(z), ray.d, ray.q) + (lattice.half_size + 0.5 + first)) * lattice.texel, 0.0);
     }
     vec3 index = clamp(fma(vec3(min(z, page_until)), ray.d, ray.q) + lattice.half_size, vec3(0.0), 2.0 * lattice.half_size);
     return on_page(index, first, lattice);

@@ -238,6 +238,11 @@ impl PagePool {
         page % product(self.pages)
     }
 
+    /// Returns the copy that a page belongs to.
+    fn copy_of(&self, page: u32) -> u32 {
+        page / product(self.pages)
+    }
+
     /// Returns the place of a page in the grid.
     fn place(&self, page: u32) -> [u32; 3] {
         place_of(self.in_first(page), self.pages)
@@ -325,7 +330,7 @@ impl PagePool {
         // hidden ones before others, those behind, the farthest first.
         let tables: Vec<_> = state.tables.iter().filter_map(Weak::upgrade).collect();
         let rank = |page: u32| match layer(page) {
-            _ if !drawn.contains(&(page / product(self.pages))) => Some((0, 1)),
+            _ if !drawn.contains(&self.copy_of(page)) => Some((0, 1)),
             at if at > last => Some((3, -at)),
             at if at > first => None,
             at => {
@@ -338,13 +343,13 @@ impl PagePool {
             .collect();
         slots.sort_by_key(|&(_, rank)| rank);
         wanted.truncate(slots.len());
-        // Where it can, a page takes the slot of its place: pages beside each other share rows of the pool then, as in the whole grid.
+        // Where it can, a page takes the slot of its number: pages that follow each other along a row do so in the pool, as in the whole grid.
         let mut open = vec![false; num::index(product(self.slots))];
         for (at, &(slot, rank)) in slots.iter().enumerate() {
             open[num::index(slot)] = at < wanted.len() || rank == (0, 0);
         }
         let mut take = |slot: u32| std::mem::take(&mut open[num::index(slot)]).then_some(slot);
-        let places: Vec<_> = wanted.iter().map(|&page| take(self.slot_beside(page))).collect();
+        let places: Vec<_> = wanted.iter().map(|&page| take(self.slot_in_row(page))).collect();
         let mut others = slots.iter().filter_map(|&(slot, _)| take(slot));
         let slots = places.into_iter().filter_map(|slot| slot.or_else(|| others.next()));
         let pairs: Vec<(u32, u32)> = wanted.into_iter().zip(slots).collect();
@@ -377,7 +382,7 @@ impl PagePool {
         let samples = self.grid.cube(first, PAGE_TEXELS)?;
         let bricks = page_ranges(&self.grid, &samples);
         let copy = |&(number, slot): &(u32, u32)| {
-            let samples = self.form.turned_page(&samples, number / product(self.pages));
+            let samples = self.form.turned_page(&samples, self.copy_of(number));
             let mut texels = vec![0; self.form.page_bytes()];
             self.form.encode(&self.grid, self.ends, &samples, &mut texels);
             (Page { number, texels, bricks: bricks.clone() }, slot)
@@ -385,9 +390,9 @@ impl PagePool {
         Ok(copies.iter().map(copy).collect())
     }
 
-    /// Returns the slot that lies beside those of the pages around a page.
-    fn slot_beside(&self, page: u32) -> u32 {
-        let copy = page / product(self.pages);
+    /// Returns the slot after that of the page before along a row.
+    fn slot_in_row(&self, page: u32) -> u32 {
+        let copy = self.copy_of(page);
         let [x, y, z] = self.form.turned_place(self.place(page), copy);
         let [across, rows, _] = self.form.turned_place(self.pages, copy);
         (x + across * (y + rows * z) + copy * product(self.pages)) % product(self.slots)
