@@ -1,4 +1,5 @@
-// A march through a grid in pages: a ray stops where it misses a page, which it then wants, and goes on in the next dispatch or frame.
+// A march through a grid in pages: a ray stops where it misses a page, which it then wants, and goes on in the next recording. One that its
+// dispatch has not ended otherwise goes on in the next dispatch.
 #ifndef PAGING_GLSL
 #define PAGING_GLSL
 
@@ -6,7 +7,7 @@
 #include "grid/empty-space.glsl"
 #include "grid/pages.glsl"
 
-// How far the ray of a pixel has come.
+// How far the ray of a pixel, or of a texel of a base plane, has come.
 struct RayState {
     uint slab;           // the next, and RAY_WAITS; RAY_ENDED
     float transmittance; // in front of it; of maximum intensity projection the greatest scalar

@@ -32,7 +32,7 @@
 #include "grid/tile-step.glsl"
 #include "grid/pilots.glsl"
 
-// Whether samples are taken in runs. Surfaces split slabs, and light takes samples around.
+// Whether samples are taken in runs. Translucent surfaces split slabs, and light takes samples around.
 const bool RUNS = !LAYERS && !LIT;
 const uint AT_ONCE = RUNS && INTEGRATOR == INTEGRATOR_MIDPOINT ? MOST_AT_ONCE : 1u;
 

@@ -80,8 +80,8 @@ void main() {
 #ifdef COMPUTE
 #include "grid/march.glsl"
 
-// Whether samples are taken in runs. Surfaces split slabs, light takes samples around, and of a grid in pages slabs with whole ends lie
-// beyond the last page.
+// Whether samples are taken in runs. Translucent surfaces split slabs, light takes samples around, and of a grid in pages slabs with whole ends
+// lie beyond the last page.
 const bool BEYOND = PAGED && !CLIP_ENDS, RUNS = !LAYERS && !LIT && !BEYOND;
 
 void main() {

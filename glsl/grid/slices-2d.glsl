@@ -115,7 +115,7 @@ void main() {
 #ifdef COMPUTE
 #include "grid/march.glsl"
 
-// Whether samples are taken in runs. Surfaces split slabs, and cells of NaN samples are told by the slices beside.
+// Whether samples are taken in runs. Translucent surfaces split slabs, and cells of NaN samples are told by the slices beside.
 const bool BESIDE = HAS_NAN && !BETWEEN, RUNS = !LAYERS && !BESIDE;
 
 void main() {

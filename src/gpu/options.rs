@@ -30,7 +30,7 @@ pub struct GpuOptions {
     /// largest device-local heap.
     pub memory_budget: Option<u64>,
     /// Bytes of a pool in which a grid is kept in pages, at least one page; fewer where the driver refuses so large an image, or less memory is
-    /// left. Without it a grid that fits the device is one image, and for another the pool takes five eighths of the memory that is left. Techniques
+    /// left. Without it a grid that fits the device is one image, and for another the pool takes at most five eighths of the memory that is left. Techniques
     /// of stacks have a pool of their own.
     pub page_pool: Option<u64>,
     /// Loop iterations that one shader invocation may make, instead of the number that the start-up probe finds.

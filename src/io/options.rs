@@ -40,7 +40,7 @@ pub struct ReadOptions {
     /// The limit, in bytes, on the memory of one data set, or of the pixels of one image. The memory for cutting
     /// cells and for resampling counts too.
     pub max_bytes: u64,
-    /// The size, in bytes, from which on the uncompressed samples of a grid stay in their file and are read when they are needed
+    /// The size, in bytes, from which on the samples of a grid that are uncompressed, or in chunks of OME-Zarr, stay in their file and are read when they are needed
     /// ([`Samples::OnDemand`](crate::scene::Samples::OnDemand)); [`Self::max_bytes`] does not count them. The default is none.
     pub on_demand: Option<u64>,
     /// The array to show. The default is the file's active array, else the first with one component, point data

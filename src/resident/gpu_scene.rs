@@ -119,7 +119,7 @@ impl GpuScene {
 
     /// Returns the same data and kernels with another transfer function.
     ///
-    /// Samples on the device are shared unless some are infinite. The tables of the transfer function are uploaded when they
+    /// Samples on the device are shared unless some are infinite, or may be (32-bit floats on demand). The tables of the transfer function are uploaded when they
     /// are first needed.
     #[must_use]
     pub fn with_transfer(&self, transfer: TransferFunction) -> Arc<Self> {
@@ -268,7 +268,7 @@ impl GpuScene {
         })
     }
 
-    /// Whether the device has the faces or cells that [`Self::primitives`] returns.
+    /// Returns whether the device has the faces or cells that [`Self::primitives`] returns.
     pub(crate) fn has_primitives(&self, kind: Primitives, margin: Option<f32>) -> bool {
         self.visible.primitives.has(&(kind, margin.map(f32::to_bits)))
     }

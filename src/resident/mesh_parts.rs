@@ -95,7 +95,8 @@ impl Chosen {
 
 impl MeshParts {
     /// Cuts the faces or cells of a mesh that are drawn into `count` parts of about the same number; with `margin` only those of visible
-    /// cells. Beside the topology they take some 20 bytes of the host's memory for each face.
+    /// cells. Beside the topology they take 12 bytes of the host's memory for each face, 20 where scalars belong to cells, and 4 for each point and
+    /// cell of a part.
     ///
     /// # Errors
     ///
@@ -255,7 +256,7 @@ fn cut<T: Copy + Send + Sync, const N: usize>(
     (boxes, parts, num::count(primitives.len()))
 }
 
-/// Whether a pixel's line of a view may meet a box, in coordinates relative to the mesh: no side of the image has all of it beyond.
+/// Returns whether a pixel's line of a view may meet a box, in coordinates relative to the mesh: no side of the image has all of it beyond.
 fn meets(push: &MeshPush, [low, high]: [DVec3; 2]) -> bool {
     let row = |row: [f32; 4], p: DVec3| {
         let [x, y, z, w] = row.map(f64::from);

@@ -311,7 +311,7 @@ impl PagePool {
     /// those beyond what there is room for, make room; before them those of copies that are not `drawn`. Returns whether a page is held now that
     /// was not. Submits and waits.
     ///
-    /// Frames in flight are not disturbed: the submission waits for those before it on the queue.
+    /// Frames in flight are not disturbed: each submission waits for those before it on the queue.
     pub(crate) fn load(&self, wanted: &[u32], order: &PageOrder, drawn: &[u32]) -> Result<bool> {
         let mut state = self.state();
         let state = &mut *state;
@@ -370,7 +370,7 @@ impl PagePool {
         Ok(!pairs.is_empty())
     }
 
-    /// Bytes of a page in a staging buffer.
+    /// Returns the bytes of a page in a staging buffer.
     fn page_bytes(&self) -> usize {
         self.form.page_bytes().next_multiple_of(4)
     }

@@ -46,7 +46,7 @@ pub(crate) struct DeviceArgs {
     #[arg(long, value_name = "NAME")]
     pub(crate) device: Option<String>,
     /// Make the device behave like a tighter one: a list of as-hardware, coarse-weights, permute, loop=N, buffer=BYTES,
-    /// allocation=BYTES, memory=BYTES, subgroup=N, no-FEATURE and no-features. For tests; see docs/VALIDATION.md.
+    /// allocation=BYTES, memory=BYTES, pages=BYTES, subgroup=N, no-FEATURE and no-features. For tests; see docs/VALIDATION.md.
     #[arg(long, value_name = "LIST", value_parser = emulated, default_value = "", hide_default_value = true)]
     emulate: Emulated,
 }

@@ -89,12 +89,12 @@ impl Paging {
         })
     }
 
-    /// The bricks of the grid.
+    /// Returns the bricks of the grid.
     pub(crate) fn bricks(&self) -> &Bricks {
         &self.table.bricks
     }
 
-    /// The inputs of look-ups; `unread` stands in where the grid is whole.
+    /// Returns the inputs of look-ups; `unread` stands in where the grid is whole.
     pub(crate) fn pages(paging: Option<&Self>, unread: &Arc<Buffer>) -> shader::Pages {
         let words = paging.map_or(unread, |paging| &paging.table.words);
         shader::Pages { pages: words.read(), paged: paging.is_some() }
@@ -106,7 +106,7 @@ impl Paging {
         Error::unsupported(format!("{name} {what}"), why)
     }
 
-    /// The inputs of a march; `unwritten` stands in where the grid is whole.
+    /// Returns the inputs of a march; `unwritten` stands in where the grid is whole.
     pub(crate) fn march(paging: Option<&Self>, unwritten: &Arc<Buffer>) -> shader::Paging {
         let [wanted, rays] = paging.map_or([unwritten; 2], |paging| [&paging.wanted, &paging.rays]);
         shader::Paging { wanted: wanted.write(), rays: rays.write() }

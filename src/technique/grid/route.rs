@@ -143,7 +143,7 @@ impl RouteDesc<'_> {
         self.scene.gpu()
     }
 
-    /// The inputs that all shaders share, for one of the volumes.
+    /// Returns the inputs that all shaders share, for one of the volumes.
     fn inputs(&self, volume: &Volume) -> Result<GridInputs<'_>> {
         let options = self.technique.options();
         let has_nan = self.scene.grid()?.nan_count() > 0;
@@ -191,7 +191,7 @@ impl RouteDesc<'_> {
         self.volumes.iter().map(made).collect()
     }
 
-    /// The first of the volumes, all of which have one form.
+    /// Returns the first of the volumes, all of which have one form.
     fn first(&self) -> Result<&Volume> {
         let none = || Error::invalid(self.name, "no volume");
         self.volumes.first().map(|(_, volume)| volume.as_ref()).ok_or_else(none)

@@ -14,8 +14,8 @@
 //! Error: the spacing along a ray is that of the planes divided by the cosine, up to sqrt(3) in a cube. A `step` makes it finer by
 //! blending two slices, which is trilinear, and the error is second order. A slab that the domain or the eye clips has its middle
 //! beside the stored slice: first order there. A homogeneous grid is exact up to rounding. Cost: one bilinear fetch (two with
-//! `step`) and one classification per slice and covered pixel; each stack is one more copy of the grid. Needs: core Vulkan 1.3, and as many array layers
-//! as there are slices.
+//! `step`) and one classification per slice and covered pixel; each stack is one more copy of the grid. Needs: core Vulkan 1.3;
+//! a stack with more slices than an image may have layers is drawn in pages.
 
 use ash::vk;
 use glam::DVec3;
@@ -58,7 +58,7 @@ option_set! {
         /// Keeps the stack in use until the cosine of another leads by this value. The image jumps later and less often. The first view
         /// of a plan takes the best stack.
         pub hysteresis: f64 = 0.0 => Rule::below_one(),
-        /// Selects the stacks that the device holds. all keeps three copies of the grid, so that no change of the view needs an upload.
+        /// Selects the stacks of a whole grid that the device holds. all keeps three copies of it, so that no change of the view needs an upload.
         pub stacks: Stacks = Stacks::Used,
     }
 }

@@ -94,7 +94,7 @@ option_set! {
         pub warp: Warp = Warp::Bilinear,
         /// Keeps the base plane in use until the cosine of another leads by this value. The image jumps later and less often.
         pub hysteresis: f64 = 0.01 => Rule::below_one(),
-        /// Selects the stacks that the device holds. all keeps three copies of the grid, so that no change of the view needs an upload.
+        /// Selects the stacks of a whole grid that the device holds. all keeps three copies of it, so that no change of the view needs an upload.
         pub stacks: Stacks = Stacks::Used,
     }
 }

@@ -81,8 +81,8 @@ pub(crate) struct Args {
     present: Option<Target>,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Draw with all processes that `mpirun` has started: each reads and draws a part of a grid, draws a part of a mesh, or draws points in
-    /// a part of the image; the first writes the image.
+    /// Draw with all processes that `mpirun` has started: each reads and draws a part of a grid, draws a part of a mesh, or draws a part
+    /// of the image (of points, of scenes with surfaces, of maxima); the first writes the image.
     #[cfg(feature = "mpi")]
     #[arg(long)]
     distributed: bool,
