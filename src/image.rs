@@ -78,6 +78,12 @@ impl Image {
         &self.pixels
     }
 
+    /// Takes the pixels out of the image, in the order of [`Self::pixels`].
+    #[must_use]
+    pub fn into_pixels(self) -> Vec<[f32; 4]> {
+        self.pixels
+    }
+
     /// Returns one pixel; row 0 is on top.
     ///
     /// # Panics

@@ -23,9 +23,13 @@ layout(set = 0, binding = BINDING_RAYS, std430) buffer Rays { RayState rays[]; }
 const uint RAY_ENDED = 0xffffffffu;
 const uint RAY_WAITS = 0x80000000u; // for a page
 
-// No sample has these bits.
 const uint UNKNOWN = 0xffffffffu;
 const RayState FIRST_STATE = RayState(0u, 1.0, -3e38, -3e38, UNKNOWN, UNKNOWN);
+
+// Returns the bits of a stored value; of a NaN with those of UNKNOWN another's.
+uint bits_of(float value) {
+    return min(floatBitsToUint(value), UNKNOWN - 1u);
+}
 
 // Notes that a ray has not ended, how much may still come from behind, and the page that it has missed. Of maximum intensity projection all may.
 void note_unfinished(float transmittance) {

@@ -81,7 +81,7 @@ void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint 
         if (INTEGRATOR != INTEGRATOR_MIDPOINT) {
             float texel = known.x != UNKNOWN ? uintBitsToFloat(known.x) : stored_at(ray, fma(float(i), h, z0), lattice);
             if (has_missed()) break;
-            known.x = floatBitsToUint(texel);
+            known.x = bits_of(texel);
             front = face_of(texel, lattice);
         }
         if (RUNS) stop = run_on_pages(i, stop, walk, sample_of(segment(all, i, last, far)), h, ray, lattice);
@@ -115,10 +115,10 @@ void march(ivec2 pixel, Ray ray, Segments all, float far, uint walk, inout uint 
                     front = back;
                 }
                 if (LIT) emission = lit(emission, ray, fma(emitted_at, piece.y - piece.x, piece.x), lattice);
-                known.y = floatBitsToUint(texels[k]);
+                known.y = bits_of(texels[k]);
                 if (has_missed()) break;
                 add_part(pixel, sum, transmittance, emission, piece);
-                known = uvec2(floatBitsToUint(texels[k]), UNKNOWN);
+                known = uvec2(bits_of(texels[k]), UNKNOWN);
             }
             if (has_missed()) break;
             reached = split;

@@ -113,7 +113,7 @@ void main() {
         if (slab != from) known_front = UNKNOWN;
         float texel = known_front != UNKNOWN ? uintBitsToFloat(known_front) : stored_at(ray, max(fma(float(slab), h, z0), interval.x), lattice);
         if (has_missed()) break;
-        known_front = floatBitsToUint(texel);
+        known_front = bits_of(texel);
         Face front = face_of(texel, lattice);
         if (RUNS) stop = run_on_pages(slab, stop, walk, min(fma(float(slab + 1u), h, z0), interval.y), h, ray, lattice);
         for (; slab < stop && transmittance > opaque && !has_missed(); ++slab) {
@@ -128,12 +128,12 @@ void main() {
             Face back = face_of(texel, lattice);
             if (piece.x < piece.y) {
                 vec4 emission = slab_emission(ray, piece, front, back, lattice, knots);
-                known_back = floatBitsToUint(texel);
+                known_back = bits_of(texel);
                 if (has_missed()) break;
                 known_back = UNKNOWN;
                 add_part(pixel, sum, transmittance, emission, piece);
                 front = back;
-                known_front = floatBitsToUint(texel);
+                known_front = bits_of(texel);
             }
             reached = split;
             // Where a surface splits a slab, the slab is taken again for the rest.

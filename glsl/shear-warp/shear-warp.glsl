@@ -280,7 +280,7 @@ void main() {
             if (slab != from) known = UNKNOWN;
             float value = known != UNKNOWN ? uintBitsToFloat(known) : stored_at(ray, first.x, false, lattice);
             if (has_missed()) break;
-            known = floatBitsToUint(value);
+            known = bits_of(value);
             Face front = face_of(value, lattice);
             if (RUNS) stop = run_on_pages(slab, stop, walk, first.y, h, ray, lattice);
             for (; slab < stop && transmittance > opaque && !has_missed(); slab += 1.0) {
@@ -291,7 +291,7 @@ void main() {
                     float len = (piece.y - piece.x) * ray.length_per_depth;
                     add_behind(sum, transmittance, between_faces(front, back, len, knots));
                     front = back;
-                    known = floatBitsToUint(back.texel);
+                    known = bits_of(back.texel);
                 }
             }
         }

@@ -77,37 +77,47 @@ pub fn gather(ranks: &dyn Communicator, bytes: impl FnOnce() -> Vec<u8>) -> Resu
 ///
 /// This rank's own error, or [`Error::Rank`] with that of another; those of the communicator.
 pub fn agree<T>(ranks: &dyn Communicator, made: Result<T>) -> Result<T> {
-    let own = match &made {
+    // The failure of the lowest rank that this one has heard of: the rank, its exit code and text.
+    let mut first = match &made {
         Ok(_) => Vec::new(),
-        Err(error) => [&[error.exit_code()], error.to_string().as_bytes()].concat(),
-    };
-    let first = match gather(ranks, || own.clone())? {
-        Some(others) => {
-            let failed =
-                (0_u32..).zip(std::iter::once(&own).chain(&others)).find(|(_, error)| !error.is_empty());
-            let first = failed.map_or(Vec::new(), |(rank, error)| [&rank.to_le_bytes(), &error[..]].concat());
-            let to: Vec<_> = (1..ranks.size()).map(|rank| (rank, first.clone())).collect();
-            ranks.exchange(&to)?;
-            first
+        Err(error) => {
+            [&ranks.rank().to_be_bytes()[..], &[error.exit_code()], error.to_string().as_bytes()].concat()
         }
-        None => ranks.exchange(&[(0, Vec::new())])?.swap_remove(0),
     };
+    // With strides of 1, 3, 9, ... each hears of three times as many ranks in every round.
+    let mut stride = 1;
+    while stride < ranks.size() {
+        let messages: Vec<_> = neighbours(ranks, stride).map(|rank| (rank, first.clone())).collect();
+        let heard = ranks.exchange(&messages)?.into_iter().chain([first]);
+        first = heard.filter(|failure| !failure.is_empty()).min().unwrap_or_default();
+        stride = stride.saturating_mul(3);
+    }
     let (Some((rank, rest)), true) = (first.split_first_chunk::<4>(), made.is_ok()) else { return made };
     let (code, why) = rest.split_first().map_or((1, &[][..]), |(code, why)| (*code, why));
-    Err(Error::Rank { rank: u32::from_le_bytes(*rank), code, why: String::from_utf8_lossy(why).into_owned() })
+    Err(Error::Rank { rank: u32::from_be_bytes(*rank), code, why: String::from_utf8_lossy(why).into_owned() })
 }
 
 /// Checks that bytes are the same on all ranks.
 ///
 /// # Errors
 ///
-/// [`Error::Invalid`] on rank 0 and [`Error::Rank`] on others, with what the bytes are, where they differ; those of the communicator.
+/// [`Error::Invalid`] on ranks beside which they differ, and [`Error::Rank`] on others, with what the bytes are; those of the communicator.
 pub(super) fn alike(ranks: &dyn Communicator, what: &str, bytes: &[u8]) -> Result<()> {
-    let others = gather(ranks, || bytes.to_vec())?.unwrap_or_default();
-    let differs = (1..).zip(others).find(|(_, other)| other != bytes);
-    let why =
-        |(rank, _): (u32, _)| Err(Error::invalid(what, format!("differs between rank 0 and rank {rank}")));
+    let messages: Vec<_> = neighbours(ranks, 1).map(|rank| (rank, bytes.to_vec())).collect();
+    let received = ranks.exchange(&messages)?;
+    let differs = messages.iter().zip(received).find(|(_, other)| other != bytes);
+    let why = |((other, _), _): (&(u32, _), _)| {
+        Err(Error::invalid(what, format!("differs between rank {} and rank {other}", ranks.rank())))
+    };
     agree(ranks, differs.map_or(Ok(()), why))
+}
+
+/// Returns the ranks that lie `stride` before and behind this one in the ring of all; each once, and not this one.
+fn neighbours(ranks: &dyn Communicator, stride: u32) -> impl Iterator<Item = u32> {
+    let (rank, size) = (ranks.rank(), ranks.size());
+    let stride = stride % size;
+    let [before, behind] = [(rank + size - stride) % size, (rank + stride) % size];
+    [before].into_iter().chain((behind != before).then_some(behind)).filter(move |&other| other != rank)
 }
 
 /// Ranks that are threads of this process.
@@ -178,9 +188,9 @@ fn gone(rank: u32) -> Error {
 mod tests {
     use super::*;
 
-    /// Three ranks, of which these fail, agree.
-    fn heard(failing: &[u32]) -> Vec<Result<u32>> {
-        Threads::run(3, |end| {
+    /// So many ranks, of which these fail, agree.
+    fn heard(size: u32, failing: &[u32]) -> Vec<Result<u32>> {
+        Threads::run(size, |end| {
             let rank = end.rank();
             let fails = failing.contains(&rank);
             agree(&end, if fails { Err(Error::invalid("part", format!("of {rank}"))) } else { Ok(rank) })
@@ -189,18 +199,36 @@ mod tests {
 
     #[test]
     fn a_failure_of_one_rank_is_one_of_all() {
-        let made: Vec<u32> = heard(&[]).into_iter().map(Result::unwrap).collect();
-        assert_eq!(made, [0, 1, 2]);
-        for failing in [&[0][..], &[2], &[1, 2]] {
-            for (rank, result) in (0..).zip(heard(failing)) {
-                let error = result.unwrap_err();
-                let own = failing.contains(&rank);
-                let want = if own {
-                    format!("invalid part: of {rank}")
-                } else {
-                    format!("rank {}: invalid part: of {}", failing[0], failing[0])
+        for size in 1..=30 {
+            let made: Result<Vec<u32>> = heard(size, &[]).into_iter().collect();
+            assert!(made.unwrap().into_iter().eq(0..size));
+            for failing in [vec![0], vec![size - 1], vec![size / 2, size - 1]] {
+                for (rank, result) in (0..).zip(heard(size, &failing)) {
+                    let error = result.unwrap_err();
+                    let own = failing.contains(&rank);
+                    let want = if own {
+                        format!("invalid part: of {rank}")
+                    } else {
+                        format!("rank {}: invalid part: of {}", failing[0], failing[0])
+                    };
+                    assert_eq!((error.to_string(), error.exit_code()), (want, 2), "{size} {failing:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn bytes_are_alike_on_all_ranks_or_an_error_on_all() {
+        for size in 1..=12 {
+            assert!(Threads::run(size, |end| alike(&end, "size", &[7, 8])).iter().all(Result::is_ok));
+            for odd in 0..size {
+                let results =
+                    Threads::run(size, |end| alike(&end, "size", &[7, u8::from(end.rank() == odd)]));
+                let differs = |result: &Result<()>| {
+                    let why = result.as_ref().unwrap_err().to_string();
+                    why.contains("size") && why.contains(&format!("rank {odd}"))
                 };
-                assert_eq!((error.to_string(), error.exit_code()), (want, 2));
+                assert!(size == 1 || results.iter().all(differs), "{size} {odd}: {results:?}");
             }
         }
     }

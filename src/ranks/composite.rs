@@ -17,7 +17,7 @@ use crate::ranks::tiles::{Rectangle, Tiles};
 ///
 /// On all ranks: [`Error::Invalid`] or [`Error::Rank`] unless the order names each rank once, and where sizes of images or orders differ; those
 /// of the communicator.
-pub fn composite(image: &Image, order: &[u32], ranks: &dyn Communicator) -> Result<Option<Image>> {
+pub fn composite(image: Image, order: &[u32], ranks: &dyn Communicator) -> Result<Option<Image>> {
     let sides = [image.width(), image.height()];
     let same: Vec<u8> = sides.iter().chain(order).flat_map(|word| word.to_le_bytes()).collect();
     alike(ranks, "size or visibility order of images", &same)?;
@@ -31,7 +31,8 @@ pub fn composite(image: &Image, order: &[u32], ranks: &dyn Communicator) -> Resu
     };
 
     // Exchange and composite pieces, round by round: active pixels alone are blended.
-    let mut pixels = image.pixels().to_vec();
+    let colours = image.colours();
+    let mut pixels = image.into_pixels();
     let mut own = 0..pixels.len();
     let mut stride = 1;
     for k in factors(order.len()) {
@@ -56,16 +57,17 @@ pub fn composite(image: &Image, order: &[u32], ranks: &dyn Communicator) -> Resu
     // Gather the pieces.
     let bytes = || [&num::wide(own.start).to_le_bytes()[..], &encoded(&pixels[own.clone()])].concat();
     let Some(others) = gather(ranks, bytes)? else { return Ok(None) };
-    let mut whole = vec![[0.0; 4]; pixels.len()];
-    whole[own.clone()].copy_from_slice(&pixels[own]);
+    pixels[..own.start].fill([0.0; 4]);
+    pixels[own.end..].fill([0.0; 4]);
     for (bytes, rank) in others.iter().zip(1..) {
         let piece = bytes.split_first_chunk::<8>().and_then(|(first, bytes)| {
             let first = usize::try_from(u64::from_le_bytes(*first)).ok()?;
-            put(bytes, whole.get_mut(first..)?, replace)
+            put(bytes, pixels.get_mut(first..)?, replace)
         });
         piece.ok_or_else(|| differs(rank))?;
     }
-    Ok(Some(Image::new(image.width(), image.height(), whole)?.with_colours(image.colours())))
+    let [width, height] = sides;
+    Ok(Some(Image::new(width, height, pixels)?.with_colours(colours)))
 }
 
 /// Joins the rectangles that ranks have drawn, on rank 0.
@@ -193,7 +195,7 @@ mod tests {
     }
 
     fn composited_by(ranks: u32, order: &[u32]) -> Vec<Result<Option<Image>>> {
-        Threads::run(ranks, |end| composite(&image(end.rank()), order, &end))
+        Threads::run(ranks, |end| composite(image(end.rank()), order, &end))
     }
 
     /// Any number of ranks gives the image of blending in their order, which is no order of numbers; the last pixel counts.
@@ -236,7 +238,7 @@ mod tests {
         let results = Threads::run(2, |end| {
             let rows = 8 + end.rank();
             let image = Image::new(8, rows, vec![[0.5; 4]; num::index(8 * rows)]).unwrap();
-            composite(&image, &[1, 0], &end)
+            composite(image, &[1, 0], &end)
         });
         for result in results {
             let why = result.unwrap_err().to_string();

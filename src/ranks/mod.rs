@@ -152,7 +152,7 @@ pub fn render(
     let begin = Instant::now();
     let (frame, image) = agree(ranks, drawn)?;
     let image = match shares {
-        Shares::Space(tree) => composite(&image, &tree.order(view), ranks)?,
+        Shares::Space(tree) => composite(image, &tree.order(view), ranks)?,
         Shares::Image(tiles) => joined(&image, tiles, view.extent(), ranks)?,
     };
     Ok(Rendered { image, frame, composite_ms: begin.elapsed().as_secs_f64() * 1e3 })

@@ -119,13 +119,14 @@ impl GpuScene {
 
     /// Returns the same data and kernels with another transfer function.
     ///
-    /// Samples on the device are shared unless some are infinite, or may be (32-bit floats on demand). The tables of the transfer function are uploaded when they
-    /// are first needed.
+    /// Samples on the device are shared, but for infinite ones, which count as the ends of the transfer function: of a grid in pages those that
+    /// contain any are read again. The tables of the transfer function are uploaded when they are first needed.
     #[must_use]
     pub fn with_transfer(&self, transfer: TransferFunction) -> Arc<Self> {
-        // Infinite samples were uploaded as the ends of the old transfer function.
+        // Infinite samples were uploaded as the ends of the old transfer function; a pool tells which.
         let shared = self.scene.grid().is_none_or(|grid| grid.infinite_count() == 0);
-        let grid = if shared { self.grid.clone() } else { GridData::default() };
+        let pools = || GridData { pools: self.grid.pools.clone(), ..GridData::default() };
+        let grid = if shared { self.grid.clone() } else { pools() };
         let finite = |mesh: &Tets| mesh.scalars().values().iter().all(|s| !s.is_infinite());
         let mesh = if self.scene.mesh().is_none_or(finite) {
             Arc::clone(&self.mesh)
@@ -379,7 +380,7 @@ impl GpuScene {
         self.grid.pools.get(form, || {
             let left = self.gpu.memory_left();
             let bytes = self.gpu.page_pool().map_or(left / 8 * 5, |bytes| bytes.min(left / 8 * 7));
-            PagePool::new(&self.gpu, grid, self.scene.transfer.domain(), form, bytes)
+            PagePool::new(&self.gpu, grid, form, bytes)
         })
     }
 
@@ -387,10 +388,11 @@ impl GpuScene {
     pub(crate) fn page_table(&self, form: Form, margin: Option<f32>) -> Result<Arc<PageTable>> {
         let pool = self.page_pool(form)?;
         self.visible.pages.get((form, margin.map(f32::to_bits)), || {
-            pool.table(match margin {
+            let telling = match margin {
                 Some(margin) => Telling::Visible { scalars: nonzero_ranges(&self.scene.transfer), margin },
                 None => Telling::Greatest,
-            })
+            };
+            pool.table(telling, self.scene.transfer.domain())
         })
     }
 

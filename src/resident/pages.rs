@@ -12,7 +12,7 @@ use crate::gpu::{Buffer, BufferUse, Commands, Gpu, Recorder};
 use crate::num;
 use crate::resident::bricks::{Bricks, Codes, FindAround, Telling, bricks_of, page_ranges};
 use crate::resident::volume::{Form, Volume};
-use crate::scene::{Grid, View};
+use crate::scene::{Grid, Samples, View};
 
 /// Slots along an axis that a page's word can name.
 const MOST_SLOTS: u32 = 256;
@@ -41,6 +41,8 @@ fn place_of(number: u32, [across, rows, _]: [u32; 3]) -> [u32; 3] {
 #[derive(Debug)]
 pub(crate) struct PageTable {
     telling: Telling,
+    /// First and last scalar of the transfer function, which infinite samples become.
+    ends: [f64; 2],
     /// The word of each page.
     pub(crate) words: Arc<Buffer>,
     /// The bricks of the whole grid. One shows something until it is known that it does not: its page has been read since the table was made, or
@@ -61,8 +63,6 @@ impl PageTable {
 pub(crate) struct PagePool {
     gpu: Gpu,
     grid: Grid,
-    /// First and last scalar of the transfer function, which infinite samples become.
-    ends: [f64; 2],
     form: Form,
     /// The image of the slots.
     pub(crate) volume: Arc<Volume>,
@@ -80,6 +80,8 @@ struct State {
     page_in: Vec<Option<u32>>,
     /// Ranges of the bricks in each slot.
     bricks_in: Vec<Vec<[f32; 2]>>,
+    /// The scalars that infinite samples became in each slot, where there are any: for other transfer functions the page is not held.
+    ends_in: Vec<Option<[f64; 2]>>,
     /// The range of scalars of each page that has been read.
     ranges: Vec<Option<[f32; 2]>>,
     tables: Vec<Weak<PageTable>>,
@@ -92,11 +94,29 @@ struct State {
     commands: Commands,
 }
 
+impl State {
+    /// Returns the slot that holds a page for a transfer function with these ends.
+    fn slot_with(&self, ends: [f64; 2], page: u32) -> Option<u32> {
+        let slot = self.slot_of[num::index(page)].checked_sub(1)?;
+        self.ends_in[num::index(slot)].is_none_or(|others| others == ends).then_some(slot)
+    }
+
+    /// Frees the slot of a page.
+    fn free(&mut self, page: u32) {
+        let slot = std::mem::take(&mut self.slot_of[num::index(page)]);
+        if let Some(slot) = slot.checked_sub(1) {
+            self.page_in[num::index(slot)] = None;
+            self.changed.push(page);
+        }
+    }
+}
+
 /// A page that has been read.
 struct Page {
     number: u32,
     texels: Vec<u8>,
     bricks: Vec<[f32; 2]>,
+    ends: Option<[f64; 2]>,
 }
 
 impl Page {
@@ -181,8 +201,8 @@ fn steps(from: i64, to: i64) -> usize {
 }
 
 impl PagePool {
-    /// Makes a pool of at most `bytes` for a grid, which holds nothing yet.
-    pub(crate) fn new(gpu: &Gpu, grid: &Grid, ends: [f64; 2], form: Form, bytes: u64) -> Result<Arc<Self>> {
+    /// Makes a pool of at most `bytes`, but at least one page, for a grid, which holds nothing yet.
+    pub(crate) fn new(gpu: &Gpu, grid: &Grid, form: Form, bytes: u64) -> Result<Arc<Self>> {
         let pages = pages_of(grid.dims());
         let [across, rows, planes] = bricks_of(grid.dims()).map(u64::from);
         let row = across.next_multiple_of(u64::from(BRICK_ROW));
@@ -217,6 +237,7 @@ impl PagePool {
             slot_of: vec![0; count * num::index(form.copies())],
             page_in: vec![None; num::index(product(slots))],
             bricks_in: vec![Vec::new(); num::index(product(slots))],
+            ends_in: vec![None; num::index(product(slots))],
             ranges: vec![None; count],
             tables: Vec::new(),
             changed: Vec::new(),
@@ -225,7 +246,7 @@ impl PagePool {
             commands: Commands::new(gpu)?,
         };
         let (gpu, grid) = (gpu.clone(), grid.clone());
-        Ok(Arc::new(Self { gpu, grid, ends, form, volume, slots, pages, state: Mutex::new(state) }))
+        Ok(Arc::new(Self { gpu, grid, form, volume, slots, pages, state: Mutex::new(state) }))
     }
 
     /// Returns the number of pages of all copies.
@@ -248,14 +269,14 @@ impl PagePool {
         place_of(self.in_first(page), self.pages)
     }
 
-    /// Makes the page table of a transfer function.
-    pub(crate) fn table(&self, telling: Telling) -> Result<Arc<PageTable>> {
+    /// Makes the page table of a transfer function, of which these are the first and the last scalar.
+    pub(crate) fn table(&self, telling: Telling, ends: [f64; 2]) -> Result<Arc<PageTable>> {
         let mut state = self.state();
         let mut codes = Codes::new(&self.grid, &telling);
         for page in 0..self.pages() {
             self.tell(&state, &telling, &mut codes, page);
         }
-        let words: Vec<u32> = (0..self.pages()).map(|page| self.word(&state, &telling, page)).collect();
+        let words: Vec<u32> = (0..self.pages()).map(|page| self.word(&state, &telling, ends, page)).collect();
         let words = Buffer::with_data(&self.gpu, "pages", bytemuck::cast_slice(&words))?;
         let on_device = Buffer::with_data(&self.gpu, "bricks", bytemuck::cast_slice(&codes.words))?;
         let around = match telling {
@@ -269,7 +290,7 @@ impl PagePool {
         }
         let bricks =
             Bricks { codes: on_device, around: around.as_ref().map(|around| Arc::clone(&around.bits)) };
-        let table = Arc::new(PageTable { telling, words, bricks, around, codes: Mutex::new(codes) });
+        let table = Arc::new(PageTable { telling, ends, words, bricks, around, codes: Mutex::new(codes) });
         state.tables.retain(|table| table.strong_count() > 0);
         state.tables.push(Arc::downgrade(&table));
         Ok(table)
@@ -293,9 +314,9 @@ impl PagePool {
     }
 
     /// Returns the word of a page.
-    fn word(&self, state: &State, telling: &Telling, page: u32) -> u32 {
+    fn word(&self, state: &State, telling: &Telling, ends: [f64; 2], page: u32) -> u32 {
         let hidden = if self.hides(state, telling, page) { PAGE_HIDDEN } else { 0 };
-        let held = state.slot_of[num::index(page)].checked_sub(1).map_or(0, |slot| {
+        let held = state.slot_with(ends, page).map_or(0, |slot| {
             let [x, y, z] = place_of(slot, self.slots);
             PAGE_HELD | x | y << 8 | z << 16
         });
@@ -312,12 +333,18 @@ impl PagePool {
     /// was not. Submits and waits.
     ///
     /// Frames in flight are not disturbed: each submission waits for those before it on the queue.
-    pub(crate) fn load(&self, wanted: &[u32], order: &PageOrder, drawn: &[u32]) -> Result<bool> {
+    pub(crate) fn load(
+        &self,
+        table: &PageTable,
+        wanted: &[u32],
+        order: &PageOrder,
+        drawn: &[u32],
+    ) -> Result<bool> {
         let mut state = self.state();
         let state = &mut *state;
         let layer = |page: u32| order.layer(self.place(page));
-        let mut wanted: Vec<u32> =
-            wanted.iter().copied().filter(|&page| state.slot_of.get(num::index(page)) == Some(&0)).collect();
+        let is_missed = |&page: &u32| page < self.pages() && state.slot_with(table.ends, page).is_none();
+        let mut wanted: Vec<u32> = wanted.iter().copied().filter(is_missed).collect();
         wanted.sort_by_key(|&page| (layer(page), self.in_first(page), page));
         wanted.dedup();
         let Some(&first) = wanted.first() else { return Ok(false) };
@@ -325,6 +352,8 @@ impl PagePool {
         // Only as many layers as there is room for: then no page leaves that a ray still needs, and each is read once.
         let last = order.last(first, product(self.slots) / num::count(drawn.len()).max(1));
         wanted.retain(|&page| layer(page) <= last);
+        // Those whose infinite samples became other scalars are read anew.
+        wanted.iter().for_each(|&page| state.free(page));
 
         // Slots in the order in which they are given up: free ones, those of copies that are not drawn, those of pages that all rays have passed,
         // hidden ones before others, those behind, the farthest first.
@@ -358,7 +387,7 @@ impl PagePool {
         let of_one_page: Vec<_> = pairs.chunk_by(|a, b| self.in_first(a.0) == self.in_first(b.0)).collect();
         let most = batch / num::index(self.form.copies());
         for of_one_page in of_one_page.chunks(most.max(1)) {
-            let read = |pairs: &&[(u32, u32)]| self.read_copies(pairs);
+            let read = |pairs: &&[(u32, u32)]| self.read_copies(pairs, table.ends);
             let pages = of_one_page.par_iter().map(read).collect::<Result<Vec<_>>>()?;
             for (page, _) in pages.iter().filter_map(|copies| copies.first()) {
                 state.read[0] += num::wide(page.texels.len());
@@ -376,16 +405,18 @@ impl PagePool {
     }
 
     /// Reads a page once for all of its copies that come to slots.
-    fn read_copies(&self, copies: &[(u32, u32)]) -> Result<Vec<(Page, u32)>> {
+    fn read_copies(&self, copies: &[(u32, u32)], ends: [f64; 2]) -> Result<Vec<(Page, u32)>> {
         let Some(&(number, _)) = copies.first() else { return Ok(Vec::new()) };
         let first = self.place(number).map(|place| i64::from(place) * i64::from(PAGE) - 1);
         let samples = self.grid.cube(first, PAGE_TEXELS)?;
         let bricks = page_ranges(&self.grid, &samples);
+        let has_infinite =
+            matches!(&samples, Samples::F32(all) if all.iter().any(|sample| sample.is_infinite()));
         let copy = |&(number, slot): &(u32, u32)| {
             let samples = self.form.turned_page(&samples, self.copy_of(number));
             let mut texels = vec![0; self.form.page_bytes()];
-            self.form.encode(&self.grid, self.ends, &samples, &mut texels);
-            (Page { number, texels, bricks: bricks.clone() }, slot)
+            self.form.encode(&self.grid, ends, &samples, &mut texels);
+            (Page { number, texels, bricks: bricks.clone(), ends: has_infinite.then_some(ends) }, slot)
         };
         Ok(copies.iter().map(copy).collect())
     }
@@ -425,6 +456,7 @@ impl PagePool {
             }
             state.slot_of[num::index(page.number)] = slot + 1;
             state.bricks_in[num::index(slot)] = page.bricks;
+            state.ends_in[num::index(slot)] = page.ends;
             filled.push(slot);
         }
         let sent = self.send(state, cubes);
@@ -449,8 +481,11 @@ impl PagePool {
         let mut changes = Vec::new();
         for table in state.tables.iter().filter_map(Weak::upgrade) {
             let mut codes = table.codes();
-            let mut words: Vec<u32> =
-                state.changed.iter().map(|&page| self.word(state, &table.telling, page)).collect();
+            let mut words: Vec<u32> = state
+                .changed
+                .iter()
+                .map(|&page| self.word(state, &table.telling, table.ends, page))
+                .collect();
             let mut bricks = Vec::new();
             // Pages that leave keep the codes of their bricks.
             for &page in state.changed.iter().filter(|&&page| state.slot_of[num::index(page)] != 0) {

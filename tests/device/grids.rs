@@ -1181,7 +1181,7 @@ fn own_device_a_plain_scene_takes_what_it_needs() {
     let march = image("slices-3d.accumulation");
     let table = ("transfer.table", 64 + 4096 * 64);
     let head = ("transfer.table-head", 64);
-    // In place of a table or a pool of pages, which shaders bind and leave alone; a word in place of what they would write.
+    // In place of a table, which shaders bind and leave alone; a word in place of what marches of a grid in pages write.
     let no_texels = ("stand-in", 16);
     let stand_in = ("stand-in", 4);
     // What the cube covers of the image, and room for views that need more.
@@ -1194,8 +1194,9 @@ fn own_device_a_plain_scene_takes_what_it_needs() {
             "f32",
             &["bricks.around", "bricks.mark", "slices-3d.march", "slices-3d.tiles"],
             vec![
-                ("bricks", 64 * 4),
-                ("bricks.around", 64 * 4),
+                // A word for each row of 4 bricks.
+                ("bricks", 16 * 4),
+                ("bricks.around", 16 * 4),
                 ("bricks.ranges", 64 * 8),
                 march,
                 // Of 8 x 8 pixels.
@@ -1270,7 +1271,7 @@ fn own_device_a_plain_scene_takes_what_it_needs() {
             "slices-2d:empty-space=march",
             "f32",
             &["slices-2d.march"],
-            vec![image("slices-2d.accumulation"), ("stack.z", SAMPLES), knots, no_texels],
+            vec![image("slices-2d.accumulation"), ("stack.z", SAMPLES), knots],
         ),
         (
             "shear-warp:empty-space=march",

@@ -168,7 +168,7 @@ impl Paging {
         let more = words[num::index(WANTED_UNFINISHED)] != 0;
         let wanted = &words[num::index(WANTED_FIRST)..][..missed];
         // A ray may also wait because its dispatch has walked as many slabs as it may.
-        let goes_on = more && (self.pool.load(wanted, &self.order, drawn)? || wanted.is_empty());
+        let goes_on = more && (self.pool.load(&self.table, wanted, &self.order, drawn)? || wanted.is_empty());
         let resumes = goes_on && !self.turned.load(Ordering::Relaxed);
         self.resumes.store(resumes, Ordering::Relaxed);
         Ok(resumes)
