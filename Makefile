@@ -54,7 +54,7 @@ pictures: build ## Draw the pictures of docs/TECHNIQUES.md
 test: setup-tests ## Run the tests under the validation layers, on the default device (ARGS="-- WORD": some)
 	@tools/test.sh $(ARGS)
 
-test-all: setup-tests ## Run every case of every test, on the default device and a second driver (an hour)
+test-all: setup-tests ## Run every case of every test on the default device, some on two more drivers (three hours on two cores)
 	@tools/lavapipe25.sh >/dev/null
 	@tools/test.sh --all $(ARGS)
 

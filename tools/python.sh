@@ -4,6 +4,7 @@
 #     tools/python.sh                 with little optimisation, as the tests are built
 #     tools/python.sh --wheel DIR     only the optimised wheel, into a folder
 #
+# VOLRASTER_PROGRAM names the program whose images shall be the same; without it one is built.
 # The examples read files of ../shared/data; without that folder they are left out.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -18,8 +19,12 @@ if [ "${1:-}" = --wheel ]; then
 fi
 # pip builds it as a user would, but for the profile.
 MATURIN_PEP517_ARGS='--profile dev' "$python" -m pip install -q ./python pytest
-cargo build -q # whose images shall be the same
-VOLRASTER_PROGRAM=${CARGO_TARGET_DIR:-$PWD/target}/debug/volraster "$python" -m pytest -q -p no:cacheprovider python/tests
+# Its images shall be the same.
+if [ -z "${VOLRASTER_PROGRAM:-}" ]; then
+    cargo build -q
+    export VOLRASTER_PROGRAM=${CARGO_TARGET_DIR:-$PWD/target}/debug/volraster
+fi
+"$python" -m pytest -q -p no:cacheprovider python/tests
 data=$PWD/../shared/data
 if [ ! -d "$data" ]; then echo "no examples: there is no $data" && exit 0; fi
 cd "$scratch"

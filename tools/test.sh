@@ -2,8 +2,8 @@
 # Builds the tests and runs them under the validation layers:
 #
 #     tools/test.sh                    the gate's tests, on the default device
-#     tools/test.sh --all              every case of every test, on the system's driver and on a second one, the self-test at every width of
-#                                      subgroups, and draws on a third
+#     tools/test.sh --all              every case of every test; on a second driver, those of the gate; the self-test on both at every width
+#                                      of subgroups, and draws on a third
 #     tools/test.sh --devices          only the tests that depend on a driver
 #     tools/test.sh [...] -- WORD...   only the tests whose names contain a word
 #
@@ -49,14 +49,31 @@ count() {
 }
 
 # run DRIVER NAME EXECUTABLE ARGUMENT...: runs tests of an executable. A driver without a GPU has no watchdog: an endless shader
-# would hang for ever.
+# would hang for ever. Tests of devices run one at a time in as many processes as there are processors, because the layer keeps its
+# table of devices without a lock, so that within a process a test with a device of its own waits until no other test has one.
 run() {
     local status=0 driver=$1 name=$2 executable=$3 arguments=(-Zunstable-options --report-time)
     shift 3
-    if $all; then arguments+=(--include-ignored --skip child_ --skip measure_); fi
+    if $every; then arguments+=(--include-ignored --skip child_ --skip measure_); fi
     printf '\n==> %s, %s\n' "$name" "$driver"
     # --report-time is unstable; a process of the tests alone is told to accept it.
-    RUSTC_BOOTSTRAP=1 timeout --kill-after=10 3600 "$executable" "${arguments[@]}" "$@" 2>&1 | tee "$scratch/log" || status=$?
+    local tests=(env RUSTC_BOOTSTRAP=1 timeout --kill-after=10 5400 "$executable" "${arguments[@]}")
+    if [ "$name" = device ]; then
+        local names first shards=$(($(nproc) < 4 ? $(nproc) : 4)) running=()
+        mapfile -t names < <("${tests[@]}" --list --format terse "$@" | sed -nE 's/: test$//p')
+        : >"$scratch/log"
+        for ((first = 0; first < shards && first < ${#names[@]}; first++)); do
+            # Lines are passed on when they are whole.
+            (
+                mapfile -t own < <(printf '%s\n' "${names[@]}" | awk -v n="$shards" -v first="$first" 'NR % n == first')
+                "${tests[@]}" --test-threads 1 --exact "${own[@]}" 2>&1 | grep --line-buffered '' | tee -a "$scratch/log"
+            ) &
+            running+=($!)
+        done
+        for first in "${running[@]}"; do wait "$first" || status=$?; done
+    else
+        "${tests[@]}" "$@" 2>&1 | tee "$scratch/log" || status=$?
+    fi
     count "$name" "$scratch/log" "$status"
     sed -nE "s/^test (.*) \.\.\. (ok|FAILED).* <([0-9.]+)s>$/\3 $name::\1/p" "$scratch/log" >>"$scratch/times"
 }
@@ -82,12 +99,13 @@ mapfile -t executables < <(sed -nE 's/^ *Executable .*\((.*)\)$/\1/p' "$scratch/
 printf '\n==> built in %d s\n' $((SECONDS - begin))
 
 # Those that depend on a driver. Nor do the rooms below `gpu` and the orders of cells. Failing calls and the doors of engines open devices too,
-# but do with them what the others do: the second driver has them with --all.
+# but do with them what the others do: the second driver has them with --all. Cases differ in what they ask of the program, not of the driver.
 on_devices='^(volraster|device)$'
 if $all; then on_devices='^(volraster|device|failures|embed|c_interface)$'; fi
 on_host='^(num|image|replace|scene|optics|io|reference|technique::mesh::order)::'
-own_device=(own_device validation:: threads::)
 drivers=("the default device")
+every=$all
+if $every; then export VOLRASTER_TESTS=all; fi
 second=.deps/lavapipe25/lvp_icd.json
 if $all && [ -f "$second" ]; then drivers+=("the second driver"); fi
 for driver in "${drivers[@]}"; do
@@ -95,19 +113,14 @@ for driver in "${drivers[@]}"; do
         export VK_DRIVER_FILES=$PWD/$second
         LD_LIBRARY_PATH=$(echo "$PWD"/.deps/lavapipe25/root/usr/lib/*-linux-gnu)${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
         export LD_LIBRARY_PATH
-        devices=true
+        devices=true every=false
+        unset VOLRASTER_TESTS
     fi
     for executable in "${executables[@]}"; do
         name=$(basename "$executable")
         name=${name%-*}
         if $devices && ! [[ $name =~ $on_devices ]]; then continue; fi
-        if $all; then export VOLRASTER_TESTS=all; fi
-        if [ "$name" = device ] && [ ${#filter[@]} = 0 ]; then
-            # A test that opens a device of its own waits until no other test has one, because the layer keeps its table of
-            # devices without a lock: these tests run among themselves.
-            run "$driver" "$name" "$executable" "${own_device[@]/#/--skip=}"
-            run "$driver" "$name" "$executable" "${own_device[@]}"
-        elif [ "$name" = volraster ] && $devices && ! $all && [ ${#filter[@]} = 0 ]; then
+        if [ "$name" = volraster ] && $devices && ! $every && [ ${#filter[@]} = 0 ]; then
             mapfile -t names < <("$executable" --list --format terse | sed -nE 's/: test$//p' | grep -vE "$on_host")
             run "$driver" "$name" "$executable" --exact "${names[@]}"
         else
@@ -133,10 +146,11 @@ done
 if $all && [ ${#filter[@]} = 0 ]; then
     # What differs on GPUs, on the last driver.
     device=$(printf '%s\n' "${executables[@]}" | grep /device-)
+    every=false
+    unset VOLRASTER_TESTS
     for property in coarse-weights permute,as-hardware; do
-        export VOLRASTER_EMULATE=$property VOLRASTER_TESTS=
-        all=false run "$driver, $property" device "$device" "${own_device[@]/#/--skip=}"
-        all=false run "$driver, $property" device "$device" own_device
+        export VOLRASTER_EMULATE=$property
+        run "$driver, $property" device "$device" --skip validation:: --skip threads::
     done
     unset VOLRASTER_EMULATE
     tools/swiftshader.sh

@@ -353,7 +353,7 @@ fn plans_turn_between_clipped_views() {
 
 /// A dispatch that goes on where another has ended is cut where that was.
 #[test]
-fn own_device_split_marches_are_cut_alike() {
+fn split_marches_are_cut_alike() {
     let few = gpu_with(GpuOptions { loop_limit: Some(400), ..GpuOptions::default() });
     let scene = scene(Field::Blobs, 24, "f32", &FOG);
     let split = GpuScene::new(&few, scene.clone());

@@ -395,7 +395,7 @@ fn the_scale_of_the_world_does_not_matter() {
 
 /// Early termination counts with the colours: what is bright shows through more.
 #[test]
-fn own_device_bright_colours_behind_opaque_matter_are_not_lost() {
+fn bright_colours_behind_opaque_matter_are_not_lost() {
     let gpu = gpu();
     // Dark and dense in front (z = 1), bright behind: transmittance is some 1e-7 where brightness begins.
     let rows = [[0.5, 0.0, 0.0, 0.0, 16.0], [0.5, 1e5, 1e5, 1e5, 1.0]];
@@ -490,7 +490,7 @@ fn frames_repeat_exactly() {
 }
 /// More slabs than one invocation may loop over: the work is split, and the picture is whole.
 #[test]
-fn own_device_long_marches_are_split() {
+fn long_marches_are_split() {
     let gpu = gpu();
     let limit = gpu.loop_limit().unwrap();
     println!("loop limit: {limit}");
@@ -593,7 +593,7 @@ fn tiles_show_what_their_pixels_show() {
 
 /// What the device cannot hold is said before the driver is asked, with both numbers.
 #[test]
-fn own_device_limits_are_reported_with_both_numbers() {
+fn limits_are_reported_with_both_numbers() {
     let small = gpu_with(GpuOptions { memory_budget: Some(100_000), ..GpuOptions::default() });
     let view = view(perspective(), 1.0, 64, 48);
     let big = scene(Field::Ramp, 64, "f32", &FOG);
@@ -1095,7 +1095,7 @@ fn early_ends_are_bounded() {
 
 /// A march in many dispatches draws what one dispatch does, but for the rounding of what is kept between them.
 #[test]
-fn own_device_split_marches_resume_where_they_stopped() {
+fn split_marches_resume_where_they_stopped() {
     let whole = gpu();
     let split = gpu_with(GpuOptions { loop_limit: Some(1500), ..GpuOptions::default() });
     let make = || scene(Field::Blobs, 24, "f32", &FOG);
@@ -1115,7 +1115,7 @@ fn own_device_split_marches_resume_where_they_stopped() {
 
 /// A translucent surface where nothing else is visible is drawn by whichever dispatch reaches it.
 #[test]
-fn own_device_split_marches_draw_surfaces_in_empty_space() {
+fn split_marches_draw_surfaces_in_empty_space() {
     let whole = gpu();
     let split = gpu_with(GpuOptions { loop_limit: Some(1500), ..GpuOptions::default() });
     // Only the lower end of the ramp is visible, behind most of the surface or before it. Pixels are small enough for intervals of tiles.
@@ -1171,7 +1171,7 @@ fn wrong_options_are_named() {
 /// by an option, and everything is given back.
 #[test]
 #[ignore = "make test-all"]
-fn own_device_a_plain_scene_takes_what_it_needs() {
+fn a_plain_scene_takes_what_it_needs() {
     const SAMPLES: u64 = 32 * 32 * 32 * 4;
     const PIXELS: u64 = 64 * 48;
     let view = view(perspective(), 1.0, 64, 48);

@@ -13,7 +13,7 @@ use volraster::technique::{OptionInfo, Renderer, Technique};
 
 /// No image depends on the order in which workgroups run.
 #[test]
-fn own_device_permuted_workgroups_change_nothing() {
+fn permuted_workgroups_change_nothing() {
     for as_hardware in [false, true] {
         let [plain, permuted] = [false, true]
             .map(|permute| gpu_with(GpuOptions { permute, as_hardware, ..GpuOptions::default() }));
@@ -28,7 +28,7 @@ fn own_device_permuted_workgroups_change_nothing() {
 
 /// Weights of 8 bits cost at most what they are expected to, nothing with exact fetches, and a goal below their error is met by these.
 #[test]
-fn own_device_coarse_weights_are_measured_and_avoided() {
+fn coarse_weights_are_measured_and_avoided() {
     let coarse = gpu_with(GpuOptions { emulate_filter_weights: true, ..GpuOptions::default() });
     let fine = gpu();
     // Half of the last bit; a device that rounds as coarsely itself may be off by a bit more.
@@ -131,7 +131,7 @@ fn measure_turning() {
 
 /// A device without a feature has the others, and draws the same or refuses by a limit.
 #[test]
-fn own_device_without_features_draws_by_fallbacks() {
+fn without_features_draws_by_fallbacks() {
     let plain = gpu();
     for feature in taken(3, OptionalFeature::ALL) {
         let gpu = gpu_with(GpuOptions { without: vec![feature], ..GpuOptions::default() });

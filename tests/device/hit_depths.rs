@@ -152,7 +152,7 @@ fn cases() -> Vec<Case> {
 fn the_ray_has_the_opacity_at_its_depth() {
     let gpu = gpu();
     let clip = Clip::none().with_plane(DVec3::new(0.1, 0.0, 0.0), DVec3::new(1.0, 0.3, 0.2)).unwrap();
-    for (scene, specs, off) in cases() {
+    for (place, (scene, specs, off)) in cases().into_iter().enumerate() {
         let on_device = GpuScene::new(&gpu, scene.clone());
         // Sides that are no multiples of a tile's.
         let views = [
@@ -163,7 +163,11 @@ fn the_ray_has_the_opacity_at_its_depth() {
         for (i, view) in views.into_iter().enumerate() {
             let view = if i == 2 { view } else { view.with_clip(clip) };
             let first = view.offset(DVec2::new(0.3, 0.2)).unwrap();
-            for opacity in [1.0 / 255.0, 0.5] {
+            for (j, opacity) in [1.0 / 255.0, 0.5].into_iter().enumerate() {
+                // Each scene takes two of the six, of one opacity each.
+                if !exhaustive() && (i + j + place) % 3 != 0 {
+                    continue;
+                }
                 for spec in &specs {
                     let (depths, colours) = drawn(&gpu, &on_device, spec, [&first, &view], opacity);
                     let at = |off: f64| -> Vec<f64> {

@@ -155,15 +155,14 @@ fn every_technique_draws_views_off_the_centre() {
     let kept = whole.cells().iter().enumerate().filter(|(i, _)| i % 3 != 0).map(|(_, cell)| *cell);
     let (tets, _) = Tets::new(whole.points().to_vec(), kept.collect(), whole.scalars().clone()).unwrap();
     let holes = ("holes", Scene::new(tets, cut::fog()), vec![("havs:integrator=exact".to_string(), 1e-6)]);
-    for (name, scene, mut specs) in scenes(&gpu).into_iter().chain([holes]) {
+    for (place, (name, scene, mut specs)) in scenes(&gpu).into_iter().chain([holes]).enumerate() {
         if ["mesh", "holes"].contains(&name) {
             specs.extend(ranks.clone());
         }
         let on_device = GpuScene::new(&gpu, scene.clone());
-        let views = off_centre().into_iter();
-        let taken = views
-            .filter(|(kind, ..)| exhaustive() || ["beside", "mirrored", "parallel", "inside"].contains(kind));
-        for (kind, view, centred, [_, projection]) in taken {
+        // Each scene takes two other views.
+        let views = off_centre().into_iter().enumerate().filter(|(i, _)| exhaustive() || i % 3 == place % 3);
+        for (_, (kind, view, centred, [_, projection])) in views {
             // A wall at the depth of the data's middle, in a part of the image.
             let behind = -view.camera().eye.dot(view.forward());
             let wall = |p: DVec2| if p.x < 22.0 { behind.max(0.0) + 0.2 } else { f64::INFINITY };
@@ -183,13 +182,15 @@ fn every_technique_draws_views_off_the_centre() {
             let nothing = |_: DVec2| f64::INFINITY;
             let clipped = view.with_clip(clip());
             let whole = truth_before(&scene, &view, &nothing);
-            let cases =
-                [("whole", view, None), ("clipped", clipped, None), ("before a wall", view, Some(cut))];
-            for (what, seen, given) in cases {
-                let truth = match given {
-                    None => truth_before(&scene, &seen, &nothing),
-                    Some(_) => truth_before(&scene, &seen, &wall),
-                };
+            let usual = truth_before(&scene, &centred, &nothing);
+            let (cut_off, hidden) =
+                (truth_before(&scene, &clipped, &nothing), truth_before(&scene, &view, &wall));
+            let cases = [
+                ("whole", view, None, &whole),
+                ("clipped", clipped, None, &cut_off),
+                ("before a wall", view, Some(cut), &hidden),
+            ];
+            for (what, seen, given, truth) in cases {
                 for (spec, bound) in &specs {
                     if spec.contains("template") && view.is_perspective() {
                         continue;
@@ -207,7 +208,7 @@ fn every_technique_draws_views_off_the_centre() {
                                 .all
                                 .rmse
                         };
-                        let usual = own(&centred, &truth_before(&scene, &centred, &nothing));
+                        let usual = own(&centred, &usual);
                         let here = own(&view, &whole);
                         assert!(
                             here < 1e-3 + 2.0 * usual,
@@ -216,7 +217,7 @@ fn every_technique_draws_views_off_the_centre() {
                         1e-3 + 2.0 * here
                     };
                     let drawn = draw_before(&gpu, &on_device, &seen, spec, given);
-                    let errors = ImageErrors::between_f64(&drawn, &truth).unwrap().all;
+                    let errors = ImageErrors::between_f64(&drawn, truth).unwrap().all;
                     println!(
                         "{name} {kind}, {what}, {spec}: rmse {:.1e} of {bound:.1e}, worst {:.1e}",
                         errors.rmse, errors.max_abs

@@ -58,7 +58,7 @@ fn drawn(scene: &Arc<GpuScene>, spec: &str, view: &View, ranks: u32) -> Vec<Resu
 fn is_same(scene: &Arc<GpuScene>, spec: &str, what: &str) {
     for view in &views() {
         let want = draw_on(scene, view, spec);
-        for ranks in taken(1, [2, 3, 5, 8]) {
+        for ranks in taken(2, [2, 3, 5, 8]) {
             let mut all = drawn(scene, spec, view, ranks).into_iter().map(Result::unwrap);
             let got = all.next().flatten().unwrap();
             assert!(all.all(|image| image.is_none()));
@@ -116,7 +116,12 @@ fn meshes_are_those_of_one_process() {
     assert!(cells.len() < whole.cells().len());
     let (mesh, _) = Tets::new(whole.points().to_vec(), cells, whole.scalars().clone()).unwrap();
     let scene = GpuScene::new(&gpu, Scene::new(mesh, fog()));
-    for spec in ["havs:integrator=exact", "abuffer:integrator=exact", "projected-tets:integrator=exact"] {
+    for spec in [
+        "havs:integrator=exact",
+        "abuffer:integrator=exact",
+        "projected-tets:integrator=exact",
+        "projected-tets:route=raster",
+    ] {
         is_same(&scene, spec, "mesh");
     }
 }
@@ -160,7 +165,7 @@ fn trained_splats_are_those_of_one_process() {
         for view in &views() {
             let spec = format!("gaussians:rule={rule}");
             let want = draw_on(&scene, view, &spec);
-            for ranks in taken(1, [2, 5, 8]) {
+            for ranks in taken(2, [2, 5, 8]) {
                 let got = drawn(&scene, &spec, view, ranks)
                     .into_iter()
                     .map(Result::unwrap)

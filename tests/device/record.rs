@@ -353,7 +353,7 @@ fn every_pass_reports_its_time() {
 /// A caller's image of the technique's own format is drawn into directly: no image of its own, no
 /// composite.
 #[test]
-fn own_device_a_matching_target_costs_nothing() {
+fn a_matching_target_costs_nothing() {
     let gpu = fresh_gpu();
     let scene = GpuScene::new(&gpu, scene(Field::Blobs, 16, "f32", &FOG));
     let view = view(perspective(), 1.0, 40, 30);
@@ -482,7 +482,7 @@ fn recordings_keep_what_they_name() {
 
 /// The pipeline cache is written, read again, and ignored when it is damaged.
 #[test]
-fn own_device_the_pipeline_cache_survives_damage() {
+fn the_pipeline_cache_survives_damage() {
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("pipeline-cache");
     let _ = std::fs::remove_dir_all(&folder);
     let run = |expected: &str| {

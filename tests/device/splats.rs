@@ -298,7 +298,7 @@ fn each_pixel_has_an_order_of_its_own() {
 
 /// Buffers of which a descriptor shows a part are found by address: the image is the same.
 #[test]
-fn own_device_splats_beyond_a_descriptor_are_found_by_address() {
+fn splats_beyond_a_descriptor_are_found_by_address() {
     let gpu = gpu();
     let narrow = gpu_with(GpuOptions { storage_range: Some(1 << 10), ..GpuOptions::default() });
     let view = view(perspective(), 1.0, 40, 28);

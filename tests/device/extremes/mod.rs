@@ -92,7 +92,7 @@ families!(
 );
 
 #[test]
-fn own_device_limits() {
+fn limits() {
     assert_family(&limits::FAMILY);
 }
 

@@ -123,7 +123,7 @@ fn other_scalars_and_transfer_functions_share_the_mesh() {
 
 /// Where a shader sees little of a buffer, the image is drawn in bands of tiles, to the same bit.
 #[test]
-fn own_device_bands_change_nothing() {
+fn bands_change_nothing() {
     if emulates("as-hardware") {
         println!("skipped: the bins of a GPU need more than the 128 KiB that make bands of this image");
         return;
@@ -153,7 +153,7 @@ fn own_device_bands_change_nothing() {
 
 /// A mesh whose planes exceed what a descriptor shows is drawn from the corners alone.
 #[test]
-fn own_device_faces_need_no_planes() {
+fn faces_need_no_planes() {
     let scene = Scene::new(Field::Blobs.tets(12).unwrap(), transfer(&HAZE));
     let view = view(perspective(), 1.0, 96, 72);
     let image = |gpu: &Gpu, spec: &str| Drawn::new(&GpuScene::new(gpu, scene.clone()), &view, spec).image;
@@ -171,7 +171,7 @@ fn own_device_faces_need_no_planes() {
 
 /// Buffers of which a descriptor shows a part are found by address: the image is the same to the bit, but for the faces of `havs`, which then have no planes.
 #[test]
-fn own_device_buffers_beyond_a_descriptor_are_found_by_address() {
+fn buffers_beyond_a_descriptor_are_found_by_address() {
     let scenes = [
         (
             cubes(Field::Blobs, 12, &FOG),
@@ -213,7 +213,7 @@ fn a_k_buffer_grows_where_it_pays() {
 
 /// Neither more fragments than a buffer holds nor a memory that is too small is anything but an error that says so.
 #[test]
-fn own_device_what_the_device_cannot_hold_is_refused() {
+fn what_the_device_cannot_hold_is_refused() {
     let scene = cubes(Field::Blobs, 12, &FOG);
     let view = view(perspective(), 1.0, 64, 64);
     let narrow = GpuOptions { storage_range: Some(64 << 10), ..GpuOptions::default() };

@@ -192,7 +192,7 @@ fn views_change_the_order_of_parts() {
 
 /// A device without room for the whole mesh draws it in parts of its own accord; one part lacks memory.
 #[test]
-fn own_device_a_small_budget_makes_parts() {
+fn a_small_budget_makes_parts() {
     let scene = cubes(Field::Blobs, 24, &HAZE);
     let view = view(perspective(), 1.0, 64, 64);
     let whole = draw_on(&GpuScene::new(&gpu(), scene.clone()), &view, "havs");
