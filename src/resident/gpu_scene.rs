@@ -119,8 +119,8 @@ impl GpuScene {
 
     /// Returns the same data and kernels with another transfer function.
     ///
-    /// Samples on the device are shared, but for infinite ones, which count as the ends of the transfer function: of a grid in pages those that
-    /// contain any are read again. The tables of the transfer function are uploaded when they are first needed.
+    /// Samples on the device are shared. Infinite ones count as the ends of the transfer function: a whole grid with some is uploaded again, and
+    /// of a grid in pages those that contain some are read again. The tables of the transfer function are uploaded when they are first needed.
     #[must_use]
     pub fn with_transfer(&self, transfer: TransferFunction) -> Arc<Self> {
         // Infinite samples were uploaded as the ends of the old transfer function; a pool tells which.

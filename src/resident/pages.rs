@@ -330,7 +330,7 @@ impl PagePool {
 
     /// Loads pages that rays miss, in the order in which rays meet them, as far as there are slots; those that rays have passed, and then
     /// those beyond what there is room for, make room; before them those of copies that are not `drawn`. Returns whether a page is held now that
-    /// was not. Submits and waits.
+    /// a ray has missed; another scene may have loaded it. Submits and waits.
     ///
     /// Frames in flight are not disturbed: each submission waits for those before it on the queue.
     pub(crate) fn load(
@@ -344,12 +344,14 @@ impl PagePool {
         let state = &mut *state;
         let layer = |page: u32| order.layer(self.place(page));
         let is_missed = |&page: &u32| page < self.pages() && state.slot_with(table.ends, page).is_none();
+        let has_missed = !wanted.is_empty();
         let mut wanted: Vec<u32> = wanted.iter().copied().filter(is_missed).collect();
         wanted.sort_by_key(|&page| (layer(page), self.in_first(page), page));
         wanted.dedup();
-        let Some(&first) = wanted.first() else { return Ok(false) };
+        let Some(&first) = wanted.first() else { return Ok(has_missed) };
         let first = layer(first);
-        // Only as many layers as there is room for: then no page leaves that a ray still needs, and each is read once.
+        // Only as many layers as there is room for: then no page leaves that a ray of this frame still needs, and each is read once, but for those
+        // that other scenes take.
         let last = order.last(first, product(self.slots) / num::count(drawn.len()).max(1));
         wanted.retain(|&page| layer(page) <= last);
         // Those whose infinite samples became other scalars are read anew.

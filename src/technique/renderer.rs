@@ -276,10 +276,12 @@ impl Frames {
         (self.drawn, self.bound) = (false, None);
         // After an error the last frame may still run, and it reads buffers that a new view changes.
         self.commands.settle()?;
-        if !self.plan.set_view(view)? {
+        // What the last part has missed may serve this view, too.
+        let suffices = self.next.take().is_none() || self.plan.load()?;
+        if !suffices || !self.plan.set_view(view)? {
             self.plan = self.renderer.prepare(view, &self.target)?;
         }
-        (self.next, self.tries, self.passes) = (None, 0, Vec::new());
+        (self.tries, self.passes) = (0, Vec::new());
         self.submit(view, Instant::now())
     }
 
@@ -298,7 +300,7 @@ impl Frames {
     }
 
     /// Draws one part of a frame and waits for it: all of it, unless a grid is kept in pages, a mesh or points are drawn in parts, or the plan
-    /// lacked a capacity. Then pages that the part has missed, or the next part, are loaded, and the next call with the same view goes on;
+    /// lacked a capacity. Then the next call loads the pages that the part has missed, or the next part, and goes on if the view is the same;
     /// another view begins anew. Returns `None` until the frame is complete; [`Frames::bound`] says how far it has come.
     ///
     /// # Errors
@@ -313,7 +315,7 @@ impl Frames {
         self.finish_part()
     }
 
-    /// Waits for the part that was submitted, and prepares the next. Returns `None` where there is one.
+    /// Waits for the part that was submitted. Returns `None` where another has to follow.
     fn finish_part(&mut self) -> Result<Option<FrameTime>> {
         let Some(Started { recorded, view, begin }) = self.started.take() else {
             return Err(Error::invalid("frames", "no frame was started"));
@@ -332,28 +334,29 @@ impl Frames {
             let passes = std::mem::take(&mut self.passes);
             return Ok(Some(FrameTime { wall_ms, passes, counters: status.counters, bound: status.bound }));
         }
-        if self.plan.load()? {
-            self.next = Some((view, begin));
-            return Ok(None);
-        }
-        self.tries += 1;
-        if self.tries == MOST_TRIES {
-            return Err(Error::unsupported(
-                format!("{} of this view", self.renderer.technique.method().name()),
-                format!("a capacity that suffices: {MOST_TRIES} frames found none"),
-            ));
-        }
-        self.passes.clear();
-        self.plan = self.renderer.prepare(&view, &self.target)?;
-        self.next = Some((view, Instant::now()));
+        self.next = Some((view, begin));
         Ok(None)
     }
 
+    /// Loads the next part, or plans anew where a capacity was lacking, and submits. Nothing comes in between: another scene that draws from the
+    /// same pool would take the pages that were loaded.
     fn submit_next(&mut self) -> Result<()> {
-        match self.next.take() {
-            Some((view, begin)) => self.submit(&view, begin),
-            None => Err(Error::invalid("frames", "no frame was started")),
+        let Some((view, mut begin)) = self.next.take() else {
+            return Err(Error::invalid("frames", "no frame was started"));
+        };
+        if !self.plan.load()? {
+            self.tries += 1;
+            if self.tries == MOST_TRIES {
+                return Err(Error::unsupported(
+                    format!("{} of this view", self.renderer.technique.method().name()),
+                    format!("a capacity that suffices: {MOST_TRIES} frames found none"),
+                ));
+            }
+            self.passes.clear();
+            self.plan = self.renderer.prepare(&view, &self.target)?;
+            begin = Instant::now();
         }
+        self.submit(&view, begin)
     }
 
     /// Records and submits the plan's view, which was begun at a time.

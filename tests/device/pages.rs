@@ -477,6 +477,44 @@ fn transfer_functions_share_pages_without_infinite_samples() {
     }
 }
 
+/// Scenes that draw their parts in turn take each other's pages, and complete all the same.
+#[test]
+fn scenes_that_take_turns_complete() {
+    let whole = gpu();
+    let Samples::F32(mut values) = Field::Blobs.sample(DIMS, "f32").unwrap().samples().clone() else {
+        panic!("float32")
+    };
+    // Each page has some, so that each is another's for another transfer function.
+    values.iter_mut().step_by(997).for_each(|value| *value = f32::INFINITY);
+    let grid = Grid::new(DIMS, Samples::F32(values)).unwrap();
+    let transfers = [fog(), parts()];
+    let all = transfers.clone().map(|transfer| GpuScene::new(&whole, Scene::new(grid.clone(), transfer)));
+    let [view, other, _] = views();
+    for pages in [1, PAGES] {
+        let paged = gpu_with(pool(pages, 4));
+        let first = GpuScene::new(&paged, Scene::new(grid.clone(), transfers[0].clone()));
+        let second = first.with_transfer(transfers[1].clone());
+        for spec in ["slabs:filter=exact", "shear-warp:filter=exact"] {
+            // Of two frames of one scene, too.
+            let turns = [(&first, &all[0], view), (&second, &all[1], view), (&first, &all[0], other)];
+            let mut frames =
+                turns.map(|(scene, ..)| Renderer::new(scene, technique(spec)).frames(&view).unwrap());
+            let mut complete = [false; 3];
+            let mut parts = 0;
+            while complete != [true; 3] {
+                for ((frames, complete), (_, _, view)) in frames.iter_mut().zip(&mut complete).zip(&turns) {
+                    *complete = *complete || frames.draw_part(view).unwrap().is_some();
+                }
+                parts += 1;
+                assert!(parts < 200, "{spec} from {pages} pages goes on for ever: {complete:?}");
+            }
+            for (frames, (_, all, view)) in frames.iter_mut().zip(&turns) {
+                assert_eq!(frames.read_back().unwrap(), draw_on(all, view, spec), "{spec}, {pages} pages");
+            }
+        }
+    }
+}
+
 /// Samples of a source that takes its time, or has none any more.
 #[derive(Debug)]
 struct Slow {
