@@ -106,6 +106,10 @@ on_host='^(num|image|replace|scene|optics|io|reference|technique::mesh::order)::
 drivers=("the default device")
 every=$all
 if $every; then export VOLRASTER_TESTS=all; fi
+# Compiling pipelines takes most of the time of small images: Mesa's software driver does so without optimisation, but on the default device
+# with --all.
+without_optimisation=${GALLIVM_PERF-nopt}
+if ! $every; then export GALLIVM_PERF=$without_optimisation; fi
 second=.deps/lavapipe25/lvp_icd.json
 if $all && [ -f "$second" ]; then drivers+=("the second driver"); fi
 for driver in "${drivers[@]}"; do
@@ -115,6 +119,7 @@ for driver in "${drivers[@]}"; do
         export LD_LIBRARY_PATH
         devices=true every=false
         unset VOLRASTER_TESTS
+        export GALLIVM_PERF=$without_optimisation
     fi
     for executable in "${executables[@]}"; do
         name=$(basename "$executable")

@@ -107,7 +107,7 @@ fn each_rule_is_its_reference() {
     let gpu = gpu();
     for (i, view) in views().into_iter().enumerate() {
         for (_, rule) in SplatRule::ALL {
-            for (degree, options) in taken(2, [(0, ""), (2, ":pairs=700"), (3, ":spread=pixels"), (4, "")]) {
+            for (degree, options) in taken(4, [(0, ""), (2, ":pairs=700"), (3, ":spread=pixels"), (4, "")]) {
                 let ([rmse, most], image) = compared(&gpu, &scene(cloud(900, degree), rule), &view, options);
                 println!("{i} {} degree {degree}{options}: {:.1e}, {:.1e}", rule.name(), rmse, most);
                 let bound = match rule {

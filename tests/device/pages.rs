@@ -103,7 +103,7 @@ fn images_are_those_of_the_whole_grid() {
             let paged = gpu_with(pool(pages, bytes));
             for (scene, name) in &scenes {
                 let all = GpuScene::new(&whole, scene.clone());
-                for spec in taken(3, specs) {
+                for spec in taken(5, specs) {
                     // Without skipping, pages that show nothing are read again once they are known.
                     let again = if spec.contains("march") { PAGES } else { 6 };
                     let few = GpuScene::new(&paged, scene.clone());

@@ -78,7 +78,7 @@ impl Family {
             let start = Instant::now();
             let (mut cases, mut offered) = (Vec::new(), Vec::new());
             let kept = keep();
-            for (i, case) in taken(5, self.cases.iter().enumerate()) {
+            for (i, case) in taken(8, self.cases.iter().enumerate()) {
                 let begun = Instant::now();
                 let mut outcome = Outcome::default();
                 // Validation messages count when the device is given back. That is after each case: cases of other
