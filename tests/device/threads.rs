@@ -187,7 +187,7 @@ fn threads_draw_on_one_device_as_one_does() {
             routes += 1;
         }
     }
-    assert!(routes >= 14, "{routes}");
+    assert!(routes >= if exhaustive() { 14 } else { 7 }, "{routes}");
 }
 
 /// Frames that wait by themselves, of three threads: the crate's own submissions take turns.
