@@ -59,10 +59,11 @@ run() {
     # --report-time is unstable; a process of the tests alone is told to accept it.
     local tests=(env RUSTC_BOOTSTRAP=1 timeout --kill-after=10 5400 "$executable" "${arguments[@]}")
     if [ "$name" = device ]; then
-        local names first shards=$(($(nproc) < 4 ? $(nproc) : 4)) running=()
+        local names first shards running=()
         mapfile -t names < <("${tests[@]}" --list --format terse "$@" | sed -nE 's/: test$//p')
+        shards=$(printf '%s\n' 4 "$(nproc)" "${#names[@]}" | sort -n | head -1)
         : >"$scratch/log"
-        for ((first = 0; first < shards && first < ${#names[@]}; first++)); do
+        for ((first = 0; first < shards; first++)); do
             # Lines are passed on when they are whole.
             (
                 mapfile -t own < <(printf '%s\n' "${names[@]}" | awk -v n="$shards" -v first="$first" 'NR % n == first')
@@ -106,8 +107,8 @@ on_host='^(num|image|replace|scene|optics|io|reference|technique::mesh::order)::
 drivers=("the default device")
 every=$all
 if $every; then export VOLRASTER_TESTS=all; fi
-# Compiling pipelines takes most of the time of small images: Mesa's software driver does so without optimisation, but on the default device
-# with --all.
+# Compiling pipelines takes most of the time of small images. Mesa's software driver compiles without optimisation, except on the default
+# device with --all.
 without_optimisation=${GALLIVM_PERF-nopt}
 if ! $every; then export GALLIVM_PERF=$without_optimisation; fi
 second=.deps/lavapipe25/lvp_icd.json

@@ -276,7 +276,7 @@ impl Frames {
         (self.drawn, self.bound) = (false, None);
         // After an error the last frame may still run, and it reads buffers that a new view changes.
         self.commands.settle()?;
-        // What the last part has missed may serve this view, too.
+        // Pages that the last part has missed may serve this view, too.
         let suffices = self.next.take().is_none() || self.plan.load()?;
         if !suffices || !self.plan.set_view(view)? {
             self.plan = self.renderer.prepare(view, &self.target)?;

@@ -35,10 +35,14 @@ pub fn exhaustive() -> bool {
 /// so that loops over the same cases take different ones.
 #[track_caller]
 pub fn taken<T>(n: usize, cases: impl IntoIterator<Item = T>) -> Vec<T> {
+    taken_from(std::panic::Location::caller().line() as usize, n, cases)
+}
+
+/// The same, where a number decides on the first: that of an outer loop, so that its turns take different cases.
+pub fn taken_from<T>(first: usize, n: usize, cases: impl IntoIterator<Item = T>) -> Vec<T> {
     let cases: Vec<T> = cases.into_iter().collect();
     let n = if exhaustive() { 1 } else { n.min(cases.len()).max(1) };
-    let first = std::panic::Location::caller().line() as usize % n;
-    cases.into_iter().skip(first).step_by(n).collect()
+    cases.into_iter().skip(first % n).step_by(n).collect()
 }
 
 /// The cases that this run takes: all of them, or the `seed`-th of each kind.
@@ -180,11 +184,8 @@ pub fn every_kind(gpu: &Gpu) -> Vec<(std::sync::Arc<GpuScene>, Vec<String>)> {
     };
     let first = std::panic::Location::caller().line() as usize;
     let with_specs = |scene: Scene| {
-        let mut specs: Vec<String> = specs(&scene);
-        if !exhaustive() && specs.len() > 1 {
-            specs = specs.into_iter().skip(first % 2).step_by(2).collect();
-        }
-        (GpuScene::new(gpu, scene), specs)
+        let specs: Vec<String> = specs(&scene);
+        (GpuScene::new(gpu, scene), taken_from(first, 2, specs))
     };
     scenes.map(with_specs).into()
 }

@@ -160,9 +160,7 @@ fn every_technique_draws_views_off_the_centre() {
             specs.extend(ranks.clone());
         }
         let on_device = GpuScene::new(&gpu, scene.clone());
-        // Each scene takes another view.
-        let views = off_centre().into_iter().enumerate().filter(|(i, _)| exhaustive() || i % 6 == place % 6);
-        for (_, (kind, view, centred, [_, projection])) in views {
+        for (kind, view, centred, [_, projection]) in taken_from(place, 6, off_centre()) {
             // A wall at the depth of the data's middle, in a part of the image.
             let behind = -view.camera().eye.dot(view.forward());
             let wall = |p: DVec2| if p.x < 22.0 { behind.max(0.0) + 0.2 } else { f64::INFINITY };
