@@ -4,6 +4,8 @@
 CARGO ?= cargo
 # More arguments for cargo: make test ARGS="--test frames"
 ARGS ?=
+# How `build` and `demo` build: PROFILE=dev builds with little optimisation, as the tests are built
+PROFILE ?= release
 
 .DEFAULT_GOAL := help
 .PHONY: help setup setup-tests build capi install wheel header demo view test-window captures pictures test test-all bench clean distclean
@@ -19,7 +21,7 @@ setup-tests:
 
 build bench: export VOLRASTER_COMMIT ?= $(shell git describe --always --dirty --exclude "*" 2>/dev/null)
 build: setup ## Build the library and the program, optimised
-	$(CARGO) build --release $(ARGS)
+	$(CARGO) build --profile $(PROFILE) $(ARGS)
 
 capi: setup ## Build the libraries for C, dynamic and static, optimised
 	$(CARGO) build --release -p volraster-capi $(ARGS)
@@ -36,7 +38,7 @@ header: ## Write include/volraster.h anew
 	mv include/volraster.h.new include/volraster.h
 
 demo: build ## Draw the head; print device, time, error and where the picture is
-	@tools/demo.sh
+	@PROFILE=$(PROFILE) tools/demo.sh
 
 view: ## Open a file in a window (ARGS=FILE)
 	@tools/setup.sh --window

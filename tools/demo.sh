@@ -3,6 +3,7 @@
 # float64 reference, and says on which device, how fast and how exact:
 #
 #     tools/demo.sh             (after `cargo build --release`; `make demo` does both)
+#     PROFILE=dev tools/demo.sh (after `cargo build`)
 #
 # The device is the loader's and the program's choice: a GPU where there is one, else lavapipe.
 # VK_DRIVER_FILES and the like work as always.
@@ -10,7 +11,9 @@ set -euo pipefail
 export LC_ALL=C # a decimal point, whatever the language
 cd "$(dirname "$0")/.."
 
-program=${CARGO_TARGET_DIR:-target}/release/volraster
+folder=${PROFILE:-release}
+[ "$folder" != dev ] || folder=debug
+program=${CARGO_TARGET_DIR:-target}/$folder/volraster
 scene=assets/head.json
 technique=slices-3d # what the scene names; `compare` is told it, to compare nothing else
 out=out

@@ -168,7 +168,8 @@ fi
 if ! $devices || $all; then
     status=0
     printf '\n==> examples in the documentation\n'
-    cargo test --doc -- "${filter[@]}" 2>&1 | tee "$scratch/log" || status=$?
+    # The library is that of the other tests.
+    cargo test --doc --features mpi -- "${filter[@]}" 2>&1 | tee "$scratch/log" || status=$?
     count documentation "$scratch/log" "$status"
 fi
 

@@ -158,7 +158,7 @@ pub fn all_specs(gpu: &Gpu) -> Vec<String> {
     specs
 }
 
-/// A small scene of each kind and mode, with every technique that draws it by every route that the device offers; `make test` takes every second.
+/// A small scene of each kind and mode, with every technique that draws it by every route that the device offers; `make test` takes every third.
 #[track_caller]
 pub fn every_kind(gpu: &Gpu) -> Vec<(std::sync::Arc<GpuScene>, Vec<String>)> {
     let transfer = TransferFunction::from_rows(&FOG).unwrap();
@@ -185,7 +185,7 @@ pub fn every_kind(gpu: &Gpu) -> Vec<(std::sync::Arc<GpuScene>, Vec<String>)> {
     let first = std::panic::Location::caller().line() as usize;
     let with_specs = |scene: Scene| {
         let specs: Vec<String> = specs(&scene);
-        (GpuScene::new(gpu, scene), taken_from(first, 2, specs))
+        (GpuScene::new(gpu, scene), taken_from(first, 3, specs))
     };
     scenes.map(with_specs).into()
 }

@@ -106,7 +106,7 @@ fn parts_keep_the_edges_of_the_whole() {
 fn each_rule_is_its_reference() {
     let gpu = gpu();
     for (i, view) in views().into_iter().enumerate() {
-        for (_, rule) in SplatRule::ALL {
+        for (_, rule) in taken_from(i, 2, SplatRule::ALL) {
             for (degree, options) in taken(4, [(0, ""), (2, ":pairs=700"), (3, ":spread=pixels"), (4, "")]) {
                 let ([rmse, most], image) = compared(&gpu, &scene(cloud(900, degree), rule), &view, options);
                 println!("{i} {} degree {degree}{options}: {:.1e}, {:.1e}", rule.name(), rmse, most);

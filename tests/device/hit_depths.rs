@@ -162,7 +162,7 @@ fn the_ray_has_the_opacity_at_its_depth() {
         ];
         let seen =
             views.into_iter().enumerate().flat_map(|seen| [1.0 / 255.0, 0.5].map(|opacity| (seen, opacity)));
-        for ((i, view), opacity) in taken_from(place, 3, seen) {
+        for ((i, view), opacity) in taken_from(place, 6, seen) {
             let view = if i == 2 { view } else { view.with_clip(clip) };
             let first = view.offset(DVec2::new(0.3, 0.2)).unwrap();
             for spec in taken(2, &specs) {

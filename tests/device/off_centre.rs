@@ -188,8 +188,8 @@ fn every_technique_draws_views_off_the_centre() {
                 ("clipped", clipped, None, &cut_off),
                 ("before a wall", view, Some(cut), &hidden),
             ];
-            for (what, seen, given, truth) in cases {
-                for (spec, bound) in &specs {
+            for (case, (what, seen, given, truth)) in cases.into_iter().enumerate() {
+                for (spec, bound) in taken_from(place + case, 3, &specs) {
                     if spec.contains("template") && view.is_perspective() {
                         continue;
                     }

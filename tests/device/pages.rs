@@ -99,11 +99,11 @@ fn images_are_those_of_the_whole_grid() {
         let grid = Field::Blobs.sample(DIMS, kind).unwrap();
         let scenes = [(fog(), "fog"), (parts(), "parts")]
             .map(|(transfer, name)| (Scene::new(grid.clone(), transfer), name));
-        for pages in [1, 4, PAGES] {
+        for (i, pages) in [1, 4, PAGES].into_iter().enumerate() {
             let paged = gpu_with(pool(pages, bytes));
-            for (scene, name) in &scenes {
+            for (j, (scene, name)) in scenes.iter().enumerate() {
                 let all = GpuScene::new(&whole, scene.clone());
-                for spec in taken(5, specs) {
+                for spec in taken_from(2 * i + j, 8, specs) {
                     // Without skipping, pages that show nothing are read again once they are known.
                     let again = if spec.contains("march") { PAGES } else { 6 };
                     let few = GpuScene::new(&paged, scene.clone());
@@ -265,8 +265,9 @@ fn hidden_pages_leave_first() {
     let all = GpuScene::new(&gpu(), scene.clone());
     // Of 125 pages; two are loaded at a time.
     let paged = gpu_with(pool(16, 1));
-    for spec in ["slices-3d:filter=exact", "slabs:filter=exact,integrator=exact", "raycast:filter=exact"] {
-        for view in &taken(2, views()) {
+    let specs = ["slices-3d:filter=exact", "slabs:filter=exact,integrator=exact", "raycast:filter=exact"];
+    for (i, spec) in specs.into_iter().enumerate() {
+        for view in &taken_from(i, 3, views()) {
             let few = GpuScene::new(&paged, scene.clone());
             let want = draw_on(&all, view, spec);
             let mut frames = Renderer::new(&few, technique(spec)).frames(view).unwrap();

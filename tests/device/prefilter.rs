@@ -57,8 +57,8 @@ fn minified_noise_is_averaged() {
     let gpu_scene = GpuScene::new(&gpu, scene.clone());
     let view = small(DVec3::new(0.03, 0.02, 6.0), 18.0, 16);
     let truth = area_truth(&scene, &view);
-    for spec in prefiltered(&gpu) {
-        for filter in ["hardware", "exact"] {
+    for (i, spec) in prefiltered(&gpu).into_iter().enumerate() {
+        for filter in taken_from(i, 2, ["hardware", "exact"]) {
             let error = |prefilter: &str| {
                 let spec = format!("{spec},step=1,filter={filter},prefilter={prefilter}");
                 let image = Renderer::new(&gpu_scene, technique(&spec)).render(&view).unwrap();

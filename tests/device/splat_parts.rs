@@ -82,8 +82,8 @@ fn parts_give_the_image_of_all_kernels() {
     let mut with_fewer = 0;
     for (name, scene) in small_kernels(3000, 1.0) {
         let on_gpu = GpuScene::new(&gpu, scene);
-        for view in views() {
-            for spec in taken(2, SPECS) {
+        for (i, view) in views().into_iter().enumerate() {
+            for spec in taken_from(i, 4, SPECS) {
                 let whole = Drawn::new(&on_gpu, &view, &format!("{spec},parts=1"));
                 for more in taken(2, ["parts=2", "parts=5", "parts=3,pairs=1000", "parts=4,spread=pixels"]) {
                     let drawn = Drawn::new(&on_gpu, &view, &format!("{spec},{more}"));
@@ -110,7 +110,7 @@ fn every_kind_of_kernel_is_drawn_in_parts() {
     let gpu = gpu();
     for (place, (name, scene, gaussian)) in scenes().into_iter().enumerate() {
         let on_gpu = GpuScene::new(&gpu, scene);
-        for view in taken_from(place, 2, views()) {
+        for view in taken_from(place, 4, views()) {
             let interpolates = name.contains("interpolate");
             let draws = |spec: &&str| {
                 !spec.starts_with("splat-ewa") || gaussian && (!interpolates || spec.contains("slabs"))
