@@ -38,20 +38,23 @@ fn succeed(command: &mut Command) -> Output {
     output
 }
 
-/// Folder of the dynamic library, which is built on first use. With the crate named, too, the library is linked from what was built
-/// for the tests, features and all.
+/// Folder of the dynamic library, which is built on first use. With the crate and one of its tests named, too, the library is linked from what
+/// was built for the tests, features and all.
 fn library() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| {
-        let output = cargo(&[
+        let mut arguments = vec![
             "build",
             "--lib",
-            "-p",
-            "volraster",
-            "-p",
-            "volraster-capi",
+            "--test=c_interface",
+            "-p=volraster",
+            "-p=volraster-capi",
             "--message-format=json-render-diagnostics",
-        ]);
+        ];
+        if cfg!(feature = "mpi") {
+            arguments.push("--features=volraster/mpi");
+        }
+        let output = cargo(&arguments);
         let messages = String::from_utf8(output.stdout).unwrap();
         let messages = messages.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
         let files = messages.flat_map(|message| message["filenames"].as_array().cloned().unwrap_or_default());

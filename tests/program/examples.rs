@@ -20,6 +20,7 @@ fn examples() -> &'static Path {
         let mut build = Command::new(env!("CARGO"));
         let status = build
             .args(["build", "--examples"])
+            .args(cfg!(feature = "mpi").then_some("--features=mpi"))
             .env_remove("RUSTC_BOOTSTRAP")
             .current_dir(root)
             .status()
