@@ -2,8 +2,8 @@
 # Builds the tests and runs them under the validation layers:
 #
 #     tools/test.sh                    the gate's tests, on the default device
-#     tools/test.sh --all              every case of every test; on a second driver, those of the gate; the self-test on both at every width
-#                                      of subgroups, and draws on a third
+#     tools/test.sh --all              every case of every test; on a second driver, those of the gate; the self-test at every width of
+#                                      subgroups, and draws on a third driver
 #     tools/test.sh --devices          only the tests that depend on a driver
 #     tools/test.sh [...] -- WORD...   only the tests whose names contain a word
 #
@@ -67,7 +67,7 @@ run() {
             # Lines are passed on when they are whole.
             (
                 mapfile -t own < <(printf '%s\n' "${names[@]}" | awk -v n="$shards" -v first="$first" 'NR % n == first')
-                "${tests[@]}" --test-threads 1 --exact "${own[@]}" 2>&1 | grep --line-buffered '' | tee -a "$scratch/log"
+                env RUST_TEST_THREADS=1 "${tests[@]}" --exact "${own[@]}" 2>&1 | grep --line-buffered '' | tee -a "$scratch/log"
             ) &
             running+=($!)
         done
@@ -105,6 +105,7 @@ on_devices='^(volraster|device)$'
 if $all; then on_devices='^(volraster|device|failures|embed|c_interface)$'; fi
 on_host='^(num|image|replace|scene|optics|io|reference|technique::mesh::order)::'
 drivers=("the default device")
+widths=(128 256 512)
 every=$all
 if $every; then export VOLRASTER_TESTS=all; fi
 # Compiling pipelines takes most of the time of small images. Mesa's software driver compiles without optimisation, except on the default
@@ -118,7 +119,7 @@ for driver in "${drivers[@]}"; do
         export VK_DRIVER_FILES=$PWD/$second
         LD_LIBRARY_PATH=$(echo "$PWD"/.deps/lavapipe25/root/usr/lib/*-linux-gnu)${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
         export LD_LIBRARY_PATH
-        devices=true every=false
+        devices=true every=false widths=(128)
         unset VOLRASTER_TESTS
         export GALLIVM_PERF=$without_optimisation
     fi
@@ -134,7 +135,7 @@ for driver in "${drivers[@]}"; do
         fi
     done
     if $all && [ ${#filter[@]} = 0 ]; then
-        for width in 128 256 512; do
+        for width in "${widths[@]}"; do
             # The key of Mesa's shader cache lacks the width.
             setting=(MESA_SHADER_CACHE_DIR="$scratch/mesa-$width" LP_NATIVE_VECTOR_WIDTH="$width")
             some=()

@@ -16,7 +16,7 @@ pub mod caller;
 pub mod cut;
 mod devices;
 
-pub use devices::{TestGpu, emulates, fresh_gpu, gpu, gpu_with, keep, provoked_gpu, undisturbed};
+pub use devices::{TestGpu, emulates, fresh_gpu, gpu, gpu_with, provoked_gpu, undisturbed};
 use glam::{DVec2, DVec3};
 use volraster::GpuScene;
 use volraster::Image;
@@ -45,17 +45,21 @@ pub fn taken_from<T>(first: usize, n: usize, cases: impl IntoIterator<Item = T>)
     cases.into_iter().skip(first % n).step_by(n).collect()
 }
 
-/// The cases that this run takes: all of them, or the `seed`-th of each kind.
+/// The cases that this run takes: all of them, or the `seed`-th of the first kind, the next of the second, and so on.
 pub fn one_of_each<T, K: PartialEq>(seed: usize, cases: Vec<T>, kind: impl Fn(&T) -> K) -> Vec<T> {
     if exhaustive() {
         return cases;
     }
-    let kinds: Vec<K> = cases.iter().map(&kind).collect();
-    let is_taken = |i: usize| {
-        let alike: Vec<usize> = (0..kinds.len()).filter(|&j| kinds[j] == kinds[i]).collect();
-        alike[seed % alike.len()] == i
-    };
-    cases.into_iter().enumerate().filter(|(i, _)| is_taken(*i)).map(|(_, case)| case).collect()
+    let mut kinds: Vec<(K, Vec<T>)> = Vec::new();
+    for case in cases {
+        let of = kind(&case);
+        match kinds.iter_mut().find(|(kind, _)| *kind == of) {
+            Some((_, alike)) => alike.push(case),
+            None => kinds.push((of, vec![case])),
+        }
+    }
+    let one = |(i, (_, mut alike)): (usize, (K, Vec<T>))| alike.swap_remove((seed + i) % alike.len());
+    kinds.into_iter().enumerate().map(one).collect()
 }
 
 pub const SHELLS: [[f64; 5]; 7] = [
@@ -119,13 +123,13 @@ pub fn routes_of(gpu: &Gpu, method: Method) -> Vec<&'static str> {
 }
 
 /// Every technique that draws a grid's trilinear field by every route that this device offers, with every integrator that it
-/// has, of which `make test` takes one for each route. An option may follow each after a comma. `splat-ewa` is left out:
-/// Gaussians are another field.
+/// has, of which `make test` takes one for each technique, of both routes some. An option may follow each after a comma.
+/// `splat-ewa` is left out: Gaussians are another field.
 #[track_caller]
 pub fn specs(gpu: &Gpu) -> Vec<String> {
     let seed = std::panic::Location::caller().line() as usize;
-    let route = |spec: &String| spec.split(',').next().map(str::to_string);
-    one_of_each(seed, all_specs(gpu), route)
+    let technique = |spec: &String| spec.split(':').next().map(str::to_string);
+    one_of_each(seed, all_specs(gpu), technique)
 }
 
 /// The same with every integrator in every run.

@@ -8,7 +8,7 @@ use glam::DVec3;
 use volraster::Image;
 use volraster::gpu::GpuOptions;
 use volraster::measure::ImageErrors;
-use volraster::reference::{self, ReferenceOptions};
+use volraster::reference::ReferenceImage;
 use volraster::scene::{
     Camera, Clip, GaussianParts, Gaussians, Projection, Scene, SplatRule, Surface, TransferFunction, View,
 };
@@ -57,9 +57,18 @@ fn views() -> [View; 3] {
 }
 
 fn compared(gpu: &Gpu, scene: &Scene, view: &View, options: &str) -> ([f64; 2], Image) {
+    compared_with(&truth(scene, view), gpu, scene, view, options)
+}
+
+fn compared_with(
+    truth: &ReferenceImage,
+    gpu: &Gpu,
+    scene: &Scene,
+    view: &View,
+    options: &str,
+) -> ([f64; 2], Image) {
     let image = draw(gpu, scene, view, &format!("gaussians{options}"));
-    let truth = reference::render(scene, view, &ReferenceOptions::default(), None).unwrap();
-    let all = ImageErrors::between_f64(&image, &truth).unwrap().all;
+    let all = ImageErrors::between_f64(&image, truth).unwrap().all;
     ([all.rmse, all.max_abs], image)
 }
 
@@ -127,9 +136,10 @@ fn each_rule_is_its_reference() {
 fn errors_of_overlapping_splats_fall_with_the_step() {
     let gpu = gpu();
     for rule in ["overlap", "integral"].map(|name| SplatRule::named(name).unwrap()) {
-        let scene = scene(cloud(900, 1), rule);
+        let (scene, view) = (scene(cloud(900, 1), rule), views()[0]);
+        let truth = truth(&scene, &view);
         let [coarse, usual, fine] = [":step=0.16", ":step=0.04", ":step=0.01"]
-            .map(|options| compared(&gpu, &scene, &views()[0], options).0[0]);
+            .map(|options| compared_with(&truth, &gpu, &scene, &view, options).0[0]);
         println!("{}: {coarse:.1e}, {usual:.1e}, {fine:.1e}", rule.name());
         assert!(usual < coarse / 8.0 && fine < usual / 5.0, "{}: {coarse:e} {usual:e} {fine:e}", rule.name());
     }
@@ -149,7 +159,8 @@ fn images_do_not_depend_on_the_loop_limit() {
             ["", "spread=pixels"]
         };
         let scene = scene(cloud(6000, 0), rule);
-        for options in options.map(|options| format!("gaussians:{options}")) {
+        for options in taken_from(rule.name().len(), 2, options.map(|options| format!("gaussians:{options}")))
+        {
             let whole = draw(&gpu, &scene, &view, &options);
             let on_limited = GpuScene::new(&limited, scene.clone());
             let mut frames = Renderer::new(&on_limited, technique(&options)).frames(&view).unwrap();
