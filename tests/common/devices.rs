@@ -31,8 +31,8 @@ struct Shared {
     lent: usize,
 }
 
-/// Pipelines stay with a device, and take memory: some 10 MB a test.
-const TURNS: usize = 48;
+/// Pipelines stay with a device, and take memory: some 50 MB a test.
+const TURNS: usize = 16;
 
 static SHARED: Mutex<Shared> = Mutex::new(Shared { free: Vec::new(), made: 0, lent: 0 });
 static RETURNED: Condvar = Condvar::new();
