@@ -1,18 +1,14 @@
 //! Validated devices. Making one is slow, and its pipelines stay with it: tests of a process share a few, of which each test
 //! has one to itself.
 
-#![allow(unsafe_code, reason = "two functions of C that any program may call")]
-
 use std::cell::RefCell;
-use std::ffi::c_int;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, Once, PoisonError, RwLock, RwLockReadGuard};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 
 use volraster::gpu::{Gpu, GpuOptions, PipelineCache, Validation, ValidationLog};
 
 /// A device under core and synchronization validation. Dropping it fails the test when any message came or anything is left
-/// on it. A device of the test's own is destroyed, and the messages of that count. Those that are shared are destroyed once they were lent
-/// [`TURNS`] times and no test has any, and what comes then fails the test that was the last, or at the end of the process, which then
-/// fails. No device is a failure.
+/// on it. A device of the test's own is destroyed, and the messages of that count. One that is shared is destroyed when no
+/// test has any (the last one, if none before), and what comes then fails that test. No device is a failure.
 pub struct TestGpu {
     gpu: Option<Gpu>,
     log: Arc<ValidationLog>,
@@ -27,14 +23,9 @@ struct Shared {
     free: Vec<Gpu>,
     /// All that there are, or are being made.
     made: usize,
-    /// How often one was lent.
-    lent: usize,
 }
 
-/// Pipelines stay with a device, and take memory: some 50 MB a test.
-const TURNS: usize = 16;
-
-static SHARED: Mutex<Shared> = Mutex::new(Shared { free: Vec::new(), made: 0, lent: 0 });
+static SHARED: Mutex<Shared> = Mutex::new(Shared { free: Vec::new(), made: 0 });
 static RETURNED: Condvar = Condvar::new();
 
 /// The layer keeps its devices in a table without a lock: whoever adds one or takes one out writes, everybody else with a
@@ -117,29 +108,11 @@ fn lock() -> MutexGuard<'static, Shared> {
     SHARED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-unsafe extern "C" {
-    safe fn atexit(last: extern "C" fn()) -> c_int;
-    safe fn _exit(status: c_int) -> !;
-}
-
-/// Destroys the shared devices at the end of the process.
-extern "C" fn end_of_process() {
-    let mut shared = lock();
-    shared.lent = TURNS;
-    let last = end(shared, Vec::new());
-    if !last.is_empty() {
-        eprintln!("validation messages at the end of shared devices: {last:#?}");
-        _exit(101);
-    }
-}
-
 /// A shared device: there are as many as tests run at once, up to four.
 fn borrowed() -> Gpu {
-    static AT_EXIT: Once = Once::new();
     let mut shared = lock();
     loop {
         if let Some(gpu) = shared.free.pop() {
-            shared.lent += 1;
             return gpu;
         }
         if shared.made == 0 {
@@ -154,11 +127,7 @@ fn borrowed() -> Gpu {
             });
             shared = lock();
             match made {
-                Ok(devices) => {
-                    shared.free = devices;
-                    // After the loader and the drivers, so that their ends come later.
-                    AT_EXIT.call_once(|| assert_eq!(atexit(end_of_process), 0));
-                }
+                Ok(devices) => shared.free = devices,
                 Err(panic) => {
                     shared.made = 0;
                     drop(shared);
@@ -186,10 +155,10 @@ fn give_back(gpu: Gpu, sound: bool) -> Vec<String> {
     end(shared, ending)
 }
 
-/// Destroys devices, and the shared ones if nobody has any and they had their turns. What the layer said of that.
+/// Destroys devices, and the shared ones if nobody has any. What the layer said of that.
 fn end(mut shared: MutexGuard<'static, Shared>, mut ending: Vec<Gpu>) -> Vec<String> {
-    if shared.free.len() == shared.made && shared.lent >= TURNS {
-        (shared.made, shared.lent) = (0, 0);
+    if shared.free.len() == shared.made {
+        shared.made = 0;
         ending.append(&mut shared.free);
     }
     drop(shared);

@@ -58,7 +58,8 @@ pub fn one_of_each<T, K: PartialEq>(seed: usize, cases: Vec<T>, kind: impl Fn(&T
             None => kinds.push((of, vec![case])),
         }
     }
-    let one = |(i, (_, mut alike)): (usize, (K, Vec<T>))| alike.swap_remove((seed + i) % alike.len());
+    // Half the seed: of every second kind, which `taken` may leave of them, it would else be always the same route.
+    let one = |(i, (_, mut alike)): (usize, (K, Vec<T>))| alike.swap_remove((seed / 2 + i) % alike.len());
     kinds.into_iter().enumerate().map(one).collect()
 }
 
