@@ -49,8 +49,9 @@ count() {
 }
 
 # run DRIVER NAME EXECUTABLE ARGUMENT...: runs tests of an executable. A driver without a GPU has no watchdog: an endless shader
-# would hang for ever. Tests of devices run one at a time in as many processes as there are processors, because the layer keeps its
-# table of devices without a lock, so that within a process a test with a device of its own waits until no other test has one.
+# would hang for ever. Tests of devices have a process for each module, in which they run one at a time, and as many processes at once as
+# there are processors: the layer keeps its table of devices without a lock, so that within a process a test with a device of its own waits
+# until no other test has one. The families of `extremes` are run once, since those and their document have one process.
 run() {
     local status=0 driver=$1 name=$2 executable=$3 arguments=(-Zunstable-options --report-time)
     shift 3
@@ -59,19 +60,13 @@ run() {
     # --report-time is unstable; a process of the tests alone is told to accept it.
     local tests=(env RUSTC_BOOTSTRAP=1 timeout --kill-after=10 5400 "$executable" "${arguments[@]}")
     if [ "$name" = device ]; then
-        local names first shards running=()
-        mapfile -t names < <("${tests[@]}" --list --format terse "$@" | sed -nE 's/: test$//p')
-        shards=$(printf '%s\n' 4 "$(nproc)" "${#names[@]}" | sort -n | head -1)
-        : >"$scratch/log"
-        for ((first = 0; first < shards; first++)); do
-            # Lines are passed on when they are whole.
-            (
-                mapfile -t own < <(printf '%s\n' "${names[@]}" | awk -v n="$shards" -v first="$first" 'NR % n == first')
-                env RUST_TEST_THREADS=1 "${tests[@]}" --exact "${own[@]}" 2>&1 | grep --line-buffered '' | tee -a "$scratch/log"
-            ) &
-            running+=($!)
-        done
-        for first in "${running[@]}"; do wait "$first" || status=$?; done
+        # A line for each module, the longest first. Lines of the tests are passed on when they are whole.
+        "${tests[@]}" --list --format terse "$@" | sed -nE 's/: test$//p' |
+            awk -F:: '{ names[$1] = names[$1] " " $0 } END { for (module in names) print length(names[module]) names[module] }' |
+            sort -rn | cut -d ' ' -f 2- |
+            xargs -r -L 1 -P "$(printf '%s\n' 4 "$(nproc)" | sort -n | head -1)" \
+                bash -c 'set -o pipefail; "$@" 2>&1 | grep --line-buffered ""' '' env RUST_TEST_THREADS=1 "${tests[@]}" --exact |
+            tee "$scratch/log" || status=$?
     else
         "${tests[@]}" "$@" 2>&1 | tee "$scratch/log" || status=$?
     fi
